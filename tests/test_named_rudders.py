@@ -8,6 +8,7 @@ import pytest
 
 import bayesid
 from bayesid.diagnosis.input import check_trial
+from bayesid.diagnosis.input.simulator_instead import behaviour_of
 from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError
 from bayesid.model.vehicles import load_vehicle
@@ -152,3 +153,38 @@ def test_a_vehicle_with_two_named_rudders_is_not_said_to_have_none(tmp_path):
     (tmp_path / "orders.csv").write_text(f"{','.join(columns)}\n0,600,0,0\n20,600,10,10\n40,600,0,0\n")
     (run,) = bayesid.simulate(ship, f"table:{tmp_path / 'orders.csv'}").runs
     assert abs(run.data["psi"][-1]) > 0.1
+
+
+def fins_at(zigzags, *places):
+    """The ship with the two fins of the launch at other places, along other directions."""
+    vehicle = model_of(zigzags).vehicle
+    fins = tuple(replace(f, at=at, direction=to) for f, (at, to) in zip(vehicle.fins, places, strict=True))
+    return build_model(replace(vehicle, fins=fins), 3)
+
+
+PORT, STARBOARD, SIDEWAYS = (-5.0, -0.9, 0.4), (-5.0, 0.9, 0.4), (0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "twins"),
+    [
+        ((PORT, SIDEWAYS), (STARBOARD, SIDEWAYS), True),
+        ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, 0.8, -0.6)), True),
+        ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, 0.6, 0.8)), False),
+        ((PORT, SIDEWAYS), (PORT, SIDEWAYS), False),
+        ((PORT, SIDEWAYS), ((-4.0, 0.9, 0.4), SIDEWAYS), False),
+    ],
+)
+def test_twins_are_fins_that_mirror_each_other(zigzags, one, other, twins):
+    named = {e.name for e in fins_at(zigzags, one, other).causes}
+    assert any(name.startswith("twin") for name in named) == twins
+
+
+def test_a_fin_at_the_centre_says_nothing_of_the_sign_of_the_rudders(zigzags):
+    """It does not turn the ship: with it, whichever side it is ordered to, the answer is that of the other
+    fin alone."""
+    model = fins_at(zigzags, (STARBOARD, SIDEWAYS), ((0.0, 0.9, 0.4), SIDEWAYS))
+    run = zigzags.runs[0]
+    alone = replace(run, commands={k: x for k, x in run.commands.items() if k != "delta_2_cmd"})
+    said = [behaviour_of(model, [run])(r)["steering"] for r in (run, alone)]
+    assert said[0] == said[1] != 0.0

@@ -14,7 +14,7 @@ from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
-from bayesid.trials.correction import Correction, apply
+from bayesid.trials.correction import Correction, apply, join
 from bayesid.trials.importing import propose
 from bayesid.trials.measured_wind import in_measured_wind
 from bayesid.trials.mistakes.wind import WIND_MISTAKES
@@ -153,6 +153,66 @@ def test_an_anemometer_that_stands_high_is_no_mistake():
     assert found.finding is None and found.remark is None
 
 
+@pytest.mark.parametrize("seed", [3, 5, 6])
+def test_a_reading_that_cannot_be_tested_is_not_ruled_out(seed):
+    """Of heading and yaw rate alone an apparent wind cannot be made a true one: what stands in for it is not
+    named alone, and a right one is not in order."""
+    right = circles(seed)
+
+    def few(trial: Trial) -> Trial:
+        runs = [replace(r, data={k: r.data[k] for k in ("psi", "r")}) for r in trial.runs]
+        return replace(trial, runs=tuple(runs))
+
+    found = check_wind(few(misread(right, "apparent wind")), model_of(right))
+    if found.finding is not None:
+        assert found.finding.probability < 0.95 and "apparent wind" in found.finding.also
+    assert not found.in_order and "apparent wind" in found.untested
+    of_right = check_trial(few(right), model_of(right))
+    assert not of_right.findings and not any("wind" in text for text in of_right.in_order)
+    assert any("needs the track or u and v" in text for text in of_right.unseen)
+
+
+def test_runs_that_contradict_one_another_are_told_and_nothing_is_mended():
+    right, wrong = circles(1), misread(circles(1), "wind_from: where it blows to")
+    mixed = replace(right, runs=(right.runs[0], wrong.runs[1]))
+    found = check_wind(mixed, model_of(mixed))
+    assert found.finding is None and not found.in_order
+
+
+def test_the_air_past_the_vehicle_is_had_of_the_track_where_no_drift_is_logged():
+    t = np.linspace(0.0, 120.0, 121)
+    psi, drift = 0.03 * t, -0.2
+    over = 4.0 * np.exp(1j * (psi + drift))
+    track = np.concatenate([[0.0], np.cumsum(0.5 * (over[1:] + over[:-1]))])
+    read = {"wind_speed": np.full(t.size, 4.0), "wind_from": np.full(t.size, drift), "psi": psi}
+    ahead = np.full(t.size, 4.0 * np.cos(drift))
+    still = true_wind("apparent", t, {**read, "u": ahead, "x": track.real, "y": track.imag})
+    assert still[0][5:-5] == pytest.approx(0.0, abs=0.01)
+    assert true_wind("apparent", t, {**read, "u": ahead})[0] == pytest.approx(4.0 * abs(np.sin(drift)))
+
+
+def test_of_many_readings_of_a_track_its_velocity_is_had_of_their_means():
+    t = np.linspace(0.0, 1200.0, 24_001)
+    rng = np.random.default_rng(2)
+    x = 40.0 * np.sin(t / 40.0)
+    read = {"wind_speed": np.abs(np.cos(t / 40.0)), "wind_from": np.where(np.cos(t / 40.0) > 0, 0.0, np.pi)}
+    noisy = {"x": x + rng.normal(0.0, 0.05, t.size), "y": rng.normal(0.0, 0.05, t.size)}
+    assert np.median(true_wind("apparent by compass", t, {**read, **noisy})[0]) < 0.05
+
+
+def test_the_wind_is_made_of_the_heading_and_the_clock_as_they_are_mended():
+    """A table of corrections mends the time first: the way of the ship is had of the mended one."""
+    t = np.linspace(0.0, 60.0, 121)
+    wind = {"wind_speed": np.full(t.size, 2.0), "wind_from": np.zeros(t.size)}
+    run = Run("a", "", "identify", t, {"x": 4.0 * t, "y": 0.0 * t, "psi": 0.0 * t}, exogenous=wind)
+    slow = apply(Correction(time_scale=2.0, wind="apparent"), run)
+    assert slow.exogenous["wind_speed"] == pytest.approx(0.0, abs=1e-6)
+    one_by_one = apply(Correction(wind="apparent"), apply(Correction(time_scale=2.0), run))
+    assert slow.exogenous["wind_speed"] == pytest.approx(one_by_one.exogenous["wind_speed"])
+    assert join([Correction(wind="apparent"), Correction(time_scale=2.0)]) is None
+    assert join([Correction(time_scale=2.0), Correction(wind="apparent")]) is not None
+
+
 def test_every_mistake_of_the_wind_has_a_mend_of_the_wind_alone():
     for mistake in WIND_MISTAKES:
         assert set(mistake.channels) <= {"wind_speed", "wind_from"} and mistake.correction is not None
@@ -160,14 +220,16 @@ def test_every_mistake_of_the_wind_has_a_mend_of_the_wind_alone():
 
 
 HEADS = (
-    ("AWS [m/s]", "AWA [deg]", True),
-    ("App wind speed", "App wind angle", True),
-    ("TWS [m/s]", "TWD", False),
+    ("AWS [m/s]", "AWA [deg]", 'wind = "apparent"'),
+    ("App wind speed", "App wind angle", 'wind = "apparent"'),
+    ("AWS [m/s]", "AWD [deg]", 'wind = "apparent by compass"'),
+    ("True wind speed", "True wind angle", 'wind = "from the bow"'),
+    ("TWS [m/s]", "TWD", None),
 )
 
 
-@pytest.mark.parametrize(("speed", "come", "apparent"), HEADS)
-def test_a_wind_that_is_called_apparent_is_asked_about(tmp_path, speed, come, apparent):
+@pytest.mark.parametrize(("speed", "come", "mend"), HEADS)
+def test_a_wind_that_is_called_apparent_or_an_angle_is_asked_about(tmp_path, speed, come, mend):
     t = np.arange(0.0, 60.0, 0.5)
     psi = 0.4 * np.sin(0.2 * t)
     north, east = np.cumsum(np.cos(psi)), np.cumsum(np.sin(psi))
@@ -176,4 +238,5 @@ def test_a_wind_that_is_called_apparent_is_asked_about(tmp_path, speed, come, ap
     (tmp_path / "a.csv").write_text(head + "".join(",".join(f"{x:.5f}" for x in row) + "\n" for row in rows))
     found = propose([tmp_path / "a.csv"])
     assert {"wind_speed", "wind_from"} <= set(found.map.channels)
-    assert any("apparent one" in text for text in found.map.questions) == apparent
+    asked = [text for text in found.map.questions if "[corrections]" in text and text.startswith("wind")]
+    assert [mend in text for text in asked] == ([] if mend is None else [True])

@@ -25,6 +25,7 @@ _GROUP = {
 }  # fmt: skip
 TEXTS = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth"), "wind": READINGS}
 WIND = frozenset({"wind_speed", "wind_from"})
+MOTION = frozenset({"x", "y", "psi", "u", "v"})  # of which the true wind is made of an apparent one
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,10 @@ class Correction:
     velocity_axes : "earth" where u and v are the velocities north and east
     offset : channel -> added, SI
     from_time : channel -> seconds of the log from which on `offset` holds; the whole run where not stated
-    wind : how wind_speed and wind_from were read: "true" and from north, "from the bow", "apparent" (past the
-        moving vehicle, from the bow) or "apparent by compass"
     late : channel -> seconds by which it was logged late
     time_scale : true seconds per second of the log
+    wind : how wind_speed and wind_from were read: "true" and from north, "from the bow", "apparent" (past the
+        moving vehicle, from the bow) or "apparent by compass"
     runs : names of the runs concerned; all where empty
     """
 
@@ -60,9 +61,9 @@ class Correction:
     velocity_axes: str = "body"
     offset: Mapping[str, float] = field(default_factory=dict)
     from_time: Mapping[str, float] = field(default_factory=dict)
-    wind: str = TRUE
     late: Mapping[str, float] = field(default_factory=dict)
     time_scale: float = 1.0
+    wind: str = TRUE
     runs: tuple[str, ...] = ()
 
     @property
@@ -128,9 +129,6 @@ def apply(correction: Correction, run: Run) -> Run:
         if name in series:
             since = correction.from_time.get(name, -math.inf)
             series[name] = np.where(run.t >= since, series[name] + value, series[name])
-    if correction.wind != TRUE and set(series) >= WIND:
-        speed, come = true_wind(correction.wind, run.t, series, run.name)
-        series["wind_speed"], series["wind_from"] = speed, _unwrapped(come)
     for name, delay in correction.late.items():
         if name in series:
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
@@ -138,6 +136,9 @@ def apply(correction: Correction, run: Run) -> Run:
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
         began = None if began is None else float(t[0] + (began - t[0]) * correction.time_scale)
+    if correction.wind != TRUE and set(series) >= WIND:
+        speed, come = true_wind(correction.wind, t, series, run.name)
+        series["wind_speed"], series["wind_from"] = speed, _unwrapped(come)
     groups: dict[str, Any] = {group: {} for group in set(_GROUP.values())}
     for name, values in series.items():
         groups[_GROUP[channel(name).kind]][name] = values
@@ -167,6 +168,8 @@ def join(corrections: Sequence[Correction]) -> Correction | None:
         if shared and len(both) > 1:
             return None
         if _turned(out, one) or _turned(one, out):
+            return None
+        if out.wind != TRUE and one.channels & {*MOTION, "t"}:  # in one table the wind comes last
             return None
         values: dict[str, Any] = {name: getattr(one, name) for name in its - mine}
         for name in both:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
         "speed": _range(_speed(run)),
         "heading_turned_deg": _range(run.data.get("psi"), _DEG),
         "yaw_rate_deg_s": _range(run.data.get("r"), _DEG),
-        "rudder_deg": _range(_widest(run, "delta_r", "delta_"), _DEG),
+        "rudder_deg": _range(_widest(run, "delta_r", "delta_", ("delta_s", "delta_b")), _DEG),
         "rpm": _range(_widest(run, "n", "n_")),
         "wind_speed": _range(run.exogenous.get("wind_speed")),
         "channels": list(run.data),
@@ -134,12 +135,12 @@ def _speed(run: Run) -> Floats | None:
     return None
 
 
-def _widest(run: Run, name: str, named: str) -> Floats | None:
-    """The rudder or shaft of a run; of those that have names, the one that moves most."""
+def _widest(run: Run, name: str, named: str, but: Sequence[str] = ()) -> Floats | None:
+    """The rudder or shaft of a run; of those with names but `but`, the one that moves most."""
     if (own := run.input(name)) is not None:
         return own
     inputs = {k.removesuffix("_cmd") for k in (*run.commands, *run.measured_inputs)}
-    there = [x for k in sorted(inputs) if k.startswith(named) and (x := run.input(k)) is not None]
+    there = [x for k in sorted(inputs - set(but)) if k.startswith(named) and (x := run.input(k)) is not None]
     return max(there, key=lambda x: float(np.nanmax(x) - np.nanmin(x)), default=None)
 
 

@@ -15,8 +15,8 @@ from bayesid.trials.trial import Floats
 
 TRUE, FROM_BOW, APPARENT, APPARENT_BY_COMPASS = "true", "from the bow", "apparent", "apparent by compass"
 READINGS = (TRUE, FROM_BOW, APPARENT, APPARENT_BY_COMPASS)
-# Readings of a track from which its velocity is had.
-FEWEST = 5
+# Readings of a track from which its velocity is had; above as many, a smoothing spline is one of their means.
+FEWEST, MOST = 5, 2_000
 
 
 def true_wind(reading: str, t: Floats, series: Mapping[str, Floats], name: str = "") -> tuple[Floats, Floats]:
@@ -75,10 +75,13 @@ def as_read(reading: str, t: Floats, series: Mapping[str, Floats]) -> tuple[Floa
 def _over_ground(t: Floats, series: Mapping[str, Floats], psi: Floats | None) -> np.ndarray | None:
     """(n,) velocity, north + i east [m/s]; None where nothing tells it."""
     u, v = (_filled(t, series, name) for name in ("u", "v"))
-    if u is not None and psi is not None:
-        return np.asarray((u + 1j * (0.0 if v is None else v)) * np.exp(1j * psi))
+    if u is not None and v is not None and psi is not None:
+        return np.asarray((u + 1j * v) * np.exp(1j * psi))
     north, east = (_slope(t, series.get(name)) for name in ("x", "y"))
-    return None if north is None or east is None else np.asarray(north + 1j * east)
+    if north is not None and east is not None:
+        return np.asarray(north + 1j * east)
+    # the drift is a few percent of the speed but in tight turns
+    return None if u is None or psi is None else np.asarray(u * np.exp(1j * psi))
 
 
 def _filled(t: Floats, series: Mapping[str, Floats], name: str) -> Floats | None:
@@ -92,5 +95,10 @@ def _slope(t: Floats, values: Floats | None) -> Floats | None:
     good = np.zeros(0, dtype=bool) if values is None else np.isfinite(values)
     if values is None or good.sum() < FEWEST:
         return None
-    smooth = make_smoothing_spline(t[good], values[good]).derivative()
-    return np.asarray(smooth(np.clip(t, t[good][0], t[good][-1])))
+    at, mean = t[good], values[good]
+    if at.size > MOST:
+        edges = np.linspace(0, at.size, MOST + 1).astype(int)[:-1]
+        count = np.diff(np.append(edges, at.size))
+        at, mean = np.add.reduceat(at, edges) / count, np.add.reduceat(mean, edges) / count
+    smooth = make_smoothing_spline(at, mean).derivative()
+    return np.asarray(smooth(np.clip(t, at[0], at[-1])))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -83,10 +84,21 @@ def study(data: Path, out: Path, count: int, seed: int) -> None:
             print(f"{len(some)} runs, {name}: {done[-1]['named'] or done[-1]['left_open']}", flush=True)
     for name in (NOTHING, *(m.name for m in WIND_MISTAKES)):
         rows = [row for row in done if row["mistake"] == name]
-        right = sum(name in (row["named"], *row["also"]) for row in rows)
-        wrong = sum(row["named"] is not None and name not in (row["named"], *row["also"]) for row in rows)
-        opened = sum(row["left_open"] is not None for row in rows)
-        print(f"{name}: {right} named, {wrong} wrongly, {opened} left open, of {len(rows)}")
+        counted = Counter(verdict(row) for row in rows)
+        print(f"{name}: {', '.join(f'{n} {what}' for what, n in counted.most_common())}")
+
+
+def verdict(row: Mapping[str, Any]) -> str:
+    """What is said of one reading, held against what was done to it."""
+    name = row["mistake"]
+    if row["named"] is not None:
+        if name == row["named"]:
+            return "named alone" if not row["also"] else "named first of several"
+        return "in a set" if name in row["also"] else "named wrongly"
+    if row["left_open"] is not None:
+        says = {m.name: m.says for m in WIND_MISTAKES}
+        return "left open" if name in says and says[name] in row["left_open"] else "another left open"
+    return "in order" if row["in_order"] else "nothing said"
 
 
 if __name__ == "__main__":

@@ -83,6 +83,8 @@ def _wind_instead(trial: Trial, found: InputCheck, model: Model) -> tuple[InputC
 
 
 def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
+    if wind.untested:
+        found = replace(found, unseen=(*found.unseen, f"{wind.untested} against the motion"))
     if wind.finding is not None:
         return replace(found, findings=(*found.findings, wind.finding))
     if wind.remark is not None:
@@ -91,7 +93,7 @@ def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
         return found
     if wind.in_order:
         return replace(found, in_order=(*found.in_order, WIND_WORDS))
-    return replace(found, unseen=(*found.unseen, WIND_WORDS))
+    return found if wind.untested else replace(found, unseen=(*found.unseen, WIND_WORDS))
 
 
 def mended(trial: Trial, check: InputCheck) -> Trial:

@@ -3,7 +3,8 @@
 Takes a trial whose other mistakes are mended, and a model on which its wind acts. Gives a `WindCheck`. Every
 reading of the wind is a hypothesis, each with nothing else, with what an anemometer and the areas of a ship
 leave open, and with a current: a gap of the ship must not pass for a mistake of its anemometer. All are
-weighed along one path; those that come near the best are fitted.
+weighed along one path; those that come near the best are fitted. One that cannot be tested, as the log lacks
+what it is made of, counts as likely as the best of those that can.
 """
 
 from __future__ import annotations
@@ -36,11 +37,12 @@ from bayesid.trials.averaging import averaged
 from bayesid.trials.correction import WIND, apply
 from bayesid.trials.measured_wind import GAIN
 from bayesid.trials.mistakes import InputFinding
-from bayesid.trials.mistakes.judge import ALSO, NAMED_AT
+from bayesid.trials.mistakes.judge import ALSO, NAMED_AT, SOME_RUNS
 from bayesid.trials.mistakes.table import Mistake
 from bayesid.trials.mistakes.wind import WIND_MISTAKES
 from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
 from bayesid.trials.true_wind import APPARENT_BY_COMPASS
+from bayesid.words import and_list, first_few
 
 # Share by which wind at the hull differs from that of an anemometer by its height and place: one sd, assumed
 GAIN_SD = 0.25
@@ -65,20 +67,44 @@ class WindCheck:
     asked : whether a wind was measured that acts on the vehicle
     in_order : whether the motion rules every other reading of its direction out
     remark : another reading that would explain the motion as well, in words
+    untested : what of it could not be tested, and what the log lacks for that, in words
     """
 
     finding: InputFinding | None = None
     asked: bool = False
     in_order: bool = False
     remark: str | None = None
+    untested: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """One reading of the wind: its mistake, None where it is as the header says, and its problem."""
+    """One reading of the wind.
+
+    Attributes
+    ----------
+    mistake : None where it is as the header says
+    problem : None where the log lacks what it is made of
+    differs : by how much the wind is another than as the header says, rms over rms
+    """
 
     mistake: Mistake | None
-    problem: DiagnosisProblem
+    problem: DiagnosisProblem | None
+    differs: float = 0.0
+
+    @property
+    def another(self) -> bool:
+        """Whether it gives another wind altogether: a slow ship's apparent wind is nearly the true one."""
+        mend = None if self.mistake is None else self.mistake.correction
+        return mend is not None and (mend.wind != APPARENT_BY_COMPASS or self.differs > GAIN_SD)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Log evidence by what acts beside a reading: of all runs, and along the path of each run alone."""
+
+    every: Mapping[tuple[str, ...], float]
+    alone: tuple[Mapping[tuple[str, ...], float], ...]
 
 
 def check_wind(trial: Trial, model: Model) -> WindCheck:
@@ -99,21 +125,26 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
             return WindCheck(asked=True)
         # residuals beyond the noise: evidence counts by so much less (McCullagh and Nelder 1989, 9.2)
         less = max(nothing.chi2, 1.0)
-        told = {
-            one: _along(one.problem, nothing)
-            for one in _readings(problem, {run.name: run for run in seen.identify})
-        }
-        weights = _weights(model, told, less)
+        readings = _readings(problem, {run.name: run for run in seen.identify})
+        told = {one: _along(one.problem, nothing) for one in readings if one.problem is not None}
+        prior = _prior_beside(model)
+        weights = _weights(told, prior, less)
         wrong = sorted((one for one in told if one.mistake is not None), key=lambda one: -weights[one])
         near = [one for one in wrong if weights[one] > max(weights.values()) - RULED_OUT][:MOST_FITTED]
         if near:
             # what the header says is never ruled out by linear theory alone
-            read = [one for one in told if one in near or one.mistake is None]
-            told = {one: _with_fits(one.problem, told[one]) if one in read else told[one] for one in told}
-            weights = _weights(model, told, less)
+            for one in (*near, *(one for one in told if one.mistake is None)):
+                assert one.problem is not None
+                told[one] = replace(told[one], every=_with_fits(one.problem, told[one].every))
+            weights = _weights(told, prior, less)
     except (BayesidError, LinAlgError, ValueError, MemoryError):  # what ends this check, not a diagnosis
         return WindCheck(asked=True)
-    return _judged(weights, [run.name for run in runs])
+    gains = _gains(told, prior, less)
+    untested = [one for one in readings if one.problem is None]
+    best = max(w - _log_odds(one.mistake) for one, w in weights.items())
+    weights |= {one: best + _log_odds(one.mistake) for one in untested}
+    found = _judged(weights, gains, [log.name for log in problem.logs])
+    return replace(found, untested=_lacking(untested, runs))
 
 
 def _short(trial: Trial, size: tuple[float, float]) -> Trial:
@@ -126,39 +157,75 @@ def _short(trial: Trial, size: tuple[float, float]) -> Trial:
     return replace(trial, runs=tuple(thin(run, step) for run in trial.runs))
 
 
-def _weights(
-    model: Model, told: Mapping[_Read, Mapping[tuple[str, ...], float]], less: float
-) -> dict[_Read, float]:
-    """Log weight of every reading, what may act beside it weighed as the diagnosis weighs it.
-
-    Parameters
-    ----------
-    less : what evidence is divided by
-    """
+def _prior_beside(model: Model) -> dict[tuple[str, ...], float]:
+    """Log prior of what may act beside a reading, as the diagnosis weighs it."""
     each = PRIOR_CATALOGUE / (len(model.causes) + 1)
-    prior = {effects: len(effects) * np.log(each) if effects else np.log(PRIOR_NONE) for effects in BESIDE}
+    return {effects: len(effects) * np.log(each) if effects else np.log(PRIOR_NONE) for effects in BESIDE}
+
+
+def _summed(
+    told: Mapping[tuple[str, ...], float], prior: Mapping[tuple[str, ...], float], less: float
+) -> float:
+    """Log evidence over all that may act beside a reading; `less` is what evidence is divided by."""
+    return float(logsumexp([value / less + prior[effects] for effects, value in told.items()]))
+
+
+def _weights(
+    told: Mapping[_Read, _Told], prior: Mapping[tuple[str, ...], float], less: float
+) -> dict[_Read, float]:
+    """Log weight of every reading."""
+    return {one: _log_odds(one.mistake) + _summed(t.every, prior, less) for one, t in told.items()}
+
+
+def _gains(
+    told: Mapping[_Read, _Told], prior: Mapping[tuple[str, ...], float], less: float
+) -> dict[_Read, list[float]]:
+    """What every run alone says for a reading against the one of the header [nats]."""
+    each = {one: [_summed(alone, prior, less) for alone in t.alone] for one, t in told.items()}
+    as_read = next(values for one, values in each.items() if one.mistake is None)
     return {
-        one: _log_odds(one.mistake)
-        + float(logsumexp([value / less + prior[e] for e, value in by_effects.items()]))
-        for one, by_effects in told.items()
-    }
+        one: [a - b for a, b in zip(values, as_read, strict=True)] for one, values in each.items()
+    }  # fmt: skip
 
 
 def _readings(problem: DiagnosisProblem, runs: Mapping[str, Run]) -> list[_Read]:
     """The wind as its header says, then with every mistake mended."""
     out = [_Read(None, problem)]
+    read = [runs[log.name] for log in problem.logs]
     for mistake in WIND_MISTAKES:
         assert mistake.correction is not None
         try:
-            mended = [apply(mistake.correction, runs[log.name]) for log in problem.logs]
+            mended = [apply(mistake.correction, run) for run in read]
         except BayesidError:  # the log lacks what this mend needs
+            out.append(_Read(mistake, None))
             continue
         logs = tuple(
             replace(log, plan=plan_trial_run(problem.model, run, longer=LONGER_STEPS))
             for log, run in zip(problem.logs, mended, strict=True)
         )
-        out.append(_Read(mistake, replace(problem, logs=logs)))
+        out.append(_Read(mistake, replace(problem, logs=logs), _difference(read, mended)))
     return out
+
+
+def _difference(read: Sequence[Run], mended: Sequence[Run]) -> float:
+    """Rms of what one wind differs from another, over that of the stronger."""
+    a, b = (np.concatenate([_vector(run) for run in some]) for some in (read, mended))
+    level = max(float(np.nanmean(np.abs(w) ** 2)) for w in (a, b))
+    return float(np.sqrt(np.nanmean(np.abs(a - b) ** 2) / level)) if level > 0.0 else 0.0
+
+
+def _vector(run: Run) -> np.ndarray:
+    wind = run.exogenous["wind_speed"] * np.exp(1j * run.exogenous["wind_from"])
+    return np.asarray(wind)
+
+
+def _lacking(untested: Sequence[_Read], runs: Sequence[Run]) -> str:
+    """Which readings were not tested, and what would test them."""
+    if not untested:
+        return ""
+    names = and_list([one.mistake.name for one in untested if one.mistake is not None])
+    heading = all("psi" in run.data for run in runs)
+    return f"{names} (needs {'the track or u and v' if heading else 'the heading'})"
 
 
 def _free(problem: DiagnosisProblem, effects: Sequence[str]) -> GaussianPrior:
@@ -183,16 +250,20 @@ def _fitted(problem: DiagnosisProblem, effects: Sequence[str]) -> FilterErrorFit
     )  # fmt: skip
 
 
-def _along(problem: DiagnosisProblem, path: FilterErrorFit) -> dict[tuple[str, ...], float]:
+def _along(problem: DiagnosisProblem, path: FilterErrorFit) -> _Told:
     """Log evidence of each of `BESIDE` along the path of a fit."""
     every = _free(problem, list(dict.fromkeys(name for effects in BESIDE for name in effects)))
     _, equations = fresh(problem.model, problem.logs, path.points, every, problem.environment.noise_model)
     total, names = sum(equations[1:], equations[0]), every.names
-    out = {}
-    for effects in BESIDE:
-        kept = [i for i, n in enumerate(names) if "." not in n or n.partition(".")[0] in effects]
-        out[effects] = posterior(total.pick(np.array(kept))).log_evidence
-    return out
+    kept = {
+        effects: np.array([i for i, n in enumerate(names) if "." not in n or n.partition(".")[0] in effects])
+        for effects in BESIDE
+    }
+    of_all, *of_runs = (
+        {effects: posterior(some.pick(which)).log_evidence for effects, which in kept.items()}
+        for some in (total, *equations)
+    )
+    return _Told(of_all, tuple(of_runs))
 
 
 def _with_fits(
@@ -210,31 +281,55 @@ def _with_fits(
     return out
 
 
-def _judged(weights: Mapping[_Read, float], runs: Sequence[str]) -> WindCheck:
+def _judged(
+    weights: Mapping[_Read, float], gains: Mapping[_Read, Sequence[float]], runs: Sequence[str]
+) -> WindCheck:
+    """What is said by the log weight of every reading, those among them that were not tested.
+
+    Parameters
+    ----------
+    gains : of the readings that were tested; what each run alone says for it [nats]
+    """
     total = float(logsumexp(list(weights.values())))
     as_read = next(w - total for one, w in weights.items() if one.mistake is None)
-    wrong = [(w - total, one.mistake) for one, w in weights.items() if one.mistake is not None]
-    wrong.sort(key=lambda one: -one[0])
+    wrong = [(w - total, one) for one, w in weights.items() if one.mistake is not None]
+    wrong.sort(key=lambda each: (each[1] not in gains, -each[0]))
     if -np.expm1(as_read) < NAMED_AT:
-        other = [(w, mistake) for w, mistake in wrong if _apart(mistake)]
         # the motion alone, before what a mistake costs that nobody asked for
-        left_open = [(w - _log_odds(mistake), mistake) for w, mistake in other]
-        most, likeliest = max(left_open, key=lambda one: one[0], default=(-np.inf, None))
-        still_open = likeliest if most > as_read else None
-        turned = [w for w, mistake in left_open if mistake.channels != SPEED]
-        return WindCheck(
-            asked=True,
-            in_order=all(w < as_read - WIND_READ_SCATTER for w in turned),
-            remark=None if still_open is None else _either(still_open),
-        )
+        left_open = [(w - _log_odds(one.mistake), one) for w, one in wrong if one.another]
+        tested = [each for each in left_open if each[1] in gains]
+        most, likeliest = max(tested, key=lambda each: each[0], default=(-np.inf, None))
+        remark = None
+        if likeliest is not None and most > as_read:
+            remark = _some_alone(likeliest, gains[likeliest], runs) or _either(likeliest)
+        turned = [w for w, one in left_open if one.mistake is not None and one.mistake.channels != SPEED]
+        in_order = all(w < as_read - WIND_READ_SCATTER for w in turned)
+        return WindCheck(asked=True, in_order=in_order, remark=remark)
     most, best = wrong[0]
-    near = [(w, mistake) for w, mistake in wrong[1:] if w > most - ALSO]
+    if apart := _some_alone(best, gains[best], runs):
+        return WindCheck(asked=True, remark=apart)
+    assert best.mistake is not None
+    near = [(w, one.mistake.name) for w, one in wrong[1:] if one.mistake is not None and w > most - ALSO]
     together = float(np.exp(logsumexp([most, *(w for w, _ in near)]))) if near else 0.0
     found = InputFinding(
-        best.name, best.says, best.channels, tuple(runs), True, float(np.exp(most)), (TOLD_BY,), 0.0, 0.0,
-        best.correction, tuple(mistake.name for _, mistake in near), together, most - as_read,
+        best.mistake.name, best.mistake.says, best.mistake.channels, tuple(runs), True, float(np.exp(most)),
+        (TOLD_BY,), 0.0, 0.0, best.mistake.correction, tuple(name for _, name in near), together,
+        most - as_read,
     )  # fmt: skip
     return WindCheck(found, asked=True)
+
+
+def _some_alone(one: _Read, gains: Sequence[float], runs: Sequence[str]) -> str | None:
+    """A reading that some runs ask for and others contradict, in words; None where none contradicts it."""
+    assert one.mistake is not None
+    wrong = [name for name, gain in zip(runs, gains, strict=True) if gain > SOME_RUNS]
+    right = [name for name, gain in zip(runs, gains, strict=True) if gain < -SOME_RUNS]
+    if not wrong or not right:
+        return None
+    return (
+        f"{first_few(wrong, 3)} would be explained better if {one.mistake.says}, and {first_few(right, 3)} "
+        "worse: look at the wind of each"
+    )
 
 
 def _log_odds(mistake: Mistake | None) -> float:
@@ -242,14 +337,10 @@ def _log_odds(mistake: Mistake | None) -> float:
     return 0.0 if mistake is None else mistake.log_prior - WIND_READ_SCATTER
 
 
-def _apart(mistake: Mistake) -> bool:
-    """Whether it gives another wind altogether: a slow ship's apparent wind is nearly the true one."""
-    return mistake.correction is not None and mistake.correction.wind != APPARENT_BY_COMPASS
-
-
-def _either(mistake: Mistake) -> str:
+def _either(one: _Read) -> str:
     """Another reading of the wind that the motion leaves open, in words."""
-    assert mistake.correction is not None
+    mistake = one.mistake
+    assert mistake is not None and mistake.correction is not None
     line = "; ".join(mistake.correction.lines())
     if mistake.channels != SPEED:
         return (

@@ -25,6 +25,7 @@ _WORDS = {
     "delta": "The fin {} turns",
 }  # fmt: skip
 # words of one fin -> of several
+_ALONE = "This actuator only."
 _PLURAL = {
     "The fin {} turns": "The fins {} turn",
     "The fin {} gives": "The fins {} give",
@@ -57,15 +58,18 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
     return tuple(out)
 
 
-def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, ...]]:
-    """Fins that are alike but for the side on which they are."""
+def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, Fin]]:
+    """Pairs of fins that mirror each other, one on each side; canted ones may push along the mirrored
+    direction or against it."""
     alike: dict[tuple[object, ...], list[Fin]] = {}
     for fin in actuators:
         if isinstance(fin, Fin):
             x, y, z = fin.at
-            rest = replace(fin, name="", at=(x, abs(y), z), behind=None)
+            ahead, aside, down = (abs(part) for part in fin.direction)
+            rest = replace(fin, name="", at=(x, abs(y), z), direction=(ahead, aside, down), behind=None)
             alike.setdefault(astuple(rest), []).append(fin)
-    return [tuple(fins) for fins in alike.values() if len(fins) > 1]
+    pairs = (fins for fins in alike.values() if len(fins) == 2)
+    return [(one, other) for one, other in pairs if one.at[1] * other.at[1] < 0.0]
 
 
 def _of_both(twins: Sequence[Fin]) -> list[Effect]:
@@ -84,6 +88,7 @@ def _of_both(twins: Sequence[Fin]) -> list[Effect]:
             said = one.format(names[0])
             if says.startswith(said):
                 says = many.format(and_list(names)) + says.removeprefix(said)
+        alone = first.form == _ALONE
         axes = {axis: " + ".join(e.force[axis] for e in effects) for axis in first.force}
         out.append(
             replace(
@@ -94,7 +99,9 @@ def _of_both(twins: Sequence[Fin]) -> list[Effect]:
                 stages=tuple(stage for e in effects for stage in e.stages),
                 adjust={k: v for e in effects for k, v in e.adjust.items()},
                 force=axes,
-                form=f"{first.form.removesuffix('.')}; the same on both.",
+                form="Both by the same size."
+                if alone
+                else f"{first.form.removesuffix('.')}; the same on both.",
             )
         )
     return out
@@ -122,7 +129,7 @@ def _late(column: str, prefix: str, says: str, where: tuple[str, ...]) -> Effect
         stages=(InputStage(column, 10, delay="delay"),),
         source="pure delay of a held command",
         magnitude="0.05-0.5 s",
-        form="This actuator only.",
+        form=_ALONE,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ Does not: read names; `proposing` has done that.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.words import and_list
 
+_FROM_NORTH = re.compile(r"\b(awd|dir|direction|from)\b")  # words of a wind that does not count from the bow
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 STRAIGHT = 0.6  # rad between track and heading up to which they point the same way
@@ -92,12 +94,22 @@ def _angle_units(draft: Draft) -> None:
 
 def _apparent_wind(draft: Draft) -> None:
     """A wind whose name says that it is the one on board; `wind_speed`, `wind_from` are of the true one."""
-    named = [draft.column(role) for role in ("wind_speed", "wind_from") if draft.has(role)]
-    if named and any(APPARENT.search(plain(column)) for column in named):
+    columns = {role: draft.column(role) for role in ("wind_speed", "wind_from") if draft.has(role)}
+    named = {role: plain(column) for role, column in columns.items()}
+    from_north = _FROM_NORTH.search(named.get("wind_from", "")) is not None
+    if any(APPARENT.search(name) for name in named.values()):
+        which = "apparent by compass" if from_north else "apparent"
         draft.ask(
             2,
-            f"wind {and_list(named)} looks like the apparent one, past the moving vehicle; is it? (read as "
-            'the true one; else state `[corrections]` `wind = "apparent"` in the trial.toml of the import)',
+            f"wind {and_list(list(columns.values()))} looks like the apparent one, past the moving vehicle; "
+            f'is it? (read as the true one; else state `[corrections]` `wind = "{which}"` in the trial.toml '
+            'of the import: "apparent" counts from the bow, "apparent by compass" from north)',
+        )
+    elif "angle" in named.get("wind_from", ""):
+        draft.ask(
+            2,
+            f"wind {columns['wind_from']} is called an angle; does it count from the bow? (read as from "
+            'north; else state `[corrections]` `wind = "from the bow"` in the trial.toml of the import)',
         )
 
 
