@@ -173,8 +173,11 @@ def _model(
         return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
-    if mistakes := check_trial(trial, model).findings:
-        first = mistakes[0]
+    checked = check_trial(trial, model)
+    for text in checked.left_open:
+        progress.note(f"but {text}")
+    if checked.findings:
+        first = checked.findings[0]
         mend = f"; in trial.toml: {' '.join(first.mend)}" if first.mend else ""
         raise TrialError(
             f"{trial.name}: {first.says} (probability {first.probability:.2f}){mend}. See "
