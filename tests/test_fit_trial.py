@@ -179,6 +179,21 @@ def test_a_row_of_a_model_form_and_a_sign_that_is_not_told_are_no_failed_check(f
         assert unphysical(fine) == []
 
 
+def test_a_warning_that_rests_on_no_sign_stands_however_unsure_its_row_is(found):
+    """Hull drag that the propulsion holds already is counted twice whatever its deviation is."""
+    doubled = found.identified.coef | {"X_uu": -0.001}
+    polynomial = load_vehicle("generic_sub").propulsion
+    vehicle = replace(found.identified, coef=doubled, propulsion=polynomial)
+    fit = found.fit
+    free = replace(fit, names=("X_uu", *fit.names[1:]), z=np.r_[-0.001, fit.z[1:]], sd=np.r_[1.0, fit.sd[1:]])
+    wrong = replace(found, identified=vehicle, fit=free)
+    assert any("adds it again" in text for text in unphysical(wrong))
+    pushed = replace(wrong, identified=replace(vehicle, coef=doubled | {"X_uu": 0.001}))
+    assert [text for text in unphysical(pushed) if "X_uu" in text] == unphysical(wrong)
+    told = replace(pushed, fit=replace(free, z=np.r_[0.001, fit.z[1:]], sd=np.r_[1e-4, fit.sd[1:]]))
+    assert any("X_uu = 0.001 is positive" in text for text in unphysical(told))
+
+
 def test_where_no_model_was_written_the_fit_that_writes_one_is_named(found):
     assert any("fit without --quick" in text for text in next_steps(found, model_written=False))
     assert not any("--quick" in text for text in next_steps(found))

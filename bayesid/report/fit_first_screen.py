@@ -137,18 +137,21 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
 def unphysical(found: TrialFit) -> list[str]:
     """What the check of a vehicle finds impossible in rows of the one found, and not of the one given.
 
-    Rows of a model form are forces beside the vehicle's own, and a sign that is not told is none.
+    Rows of a model form are forces beside the vehicle's own, and a sign that is not told is none: what a
+    check concludes from signs needs those of all its rows told, what it concludes otherwise does not.
     """
     fit, form = found.fit, form_rows_of(found.fit)
     sure = {n: abs(z) > SIGN_TOLD * sd for n, z, sd in zip(fit.names, fit.z, fit.sd, strict=False)}
     given, after = (
-        {f.rows: f.text for f in check_vehicle(vehicle) if f.level == "warning" and f.rows}
+        {(f.rows, f.by_sign): f.text for f in check_vehicle(vehicle) if f.level == "warning" and f.rows}
         for vehicle in (found.problem.model.vehicle, found.identified)
     )
     return [
         text
-        for rows, text in after.items()
-        if rows not in given and not set(rows) & set(form) and all(sure.get(name, True) for name in rows)
+        for (rows, by_sign), text in after.items()
+        if (rows, by_sign) not in given
+        and not set(rows) & set(form)
+        and not (by_sign and any(not sure.get(name, True) for name in rows))
     ]
 
 

@@ -56,11 +56,15 @@ SYMMETRIC = (("Y_rdot", "N_vdot"), ("Z_qdot", "M_wdot"), ("Y_pdot", "K_vdot"), (
 
 @dataclass(frozen=True)
 class Finding:
-    """One remark on a set: `level` "warning" or "note", a sentence, and the rows it is about."""
+    """One remark on a set: `level` "warning" or "note", a sentence, and the rows it is about.
+
+    `by_sign` says that it holds only where the sign of each of these rows is told.
+    """
 
     level: str
     text: str
     rows: tuple[str, ...] = ()
+    by_sign: bool = False
 
 
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
@@ -109,7 +113,7 @@ def _fins(vehicle: Vehicle) -> list[Finding]:
             text = (
                 f"{moment} over {force} puts the {fin} at x = {x:.3g} m, {where}; is a sign or a unit wrong?"
             )
-            found.append(Finding("warning", text, (force, moment)))
+            found.append(Finding("warning", text, (force, moment), by_sign=True))
     return found
 
 
@@ -132,7 +136,10 @@ def _inertia(vehicle: Vehicle) -> list[Finding]:
 def _signs(vehicle: Vehicle) -> list[Finding]:
     return [
         Finding(
-            "warning", f"{name} = {vehicle.coef[name]:g} is positive; {meaning} should be negative", (name,)
+            "warning",
+            f"{name} = {vehicle.coef[name]:g} is positive; {meaning} should be negative",
+            (name,),
+            by_sign=True,
         )
         for meaning, names in NEGATIVE.items()
         for name in names
