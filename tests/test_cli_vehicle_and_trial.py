@@ -110,7 +110,9 @@ def test_vehicle_check_judges_every_built_in_set(name, capsys):
 def test_vehicle_check_warns_of_a_positive_damping(tmp_path, capsys):
     path = Path(bayesid.model.vehicles.__file__).parent / "builtin" / "remus100.toml"
     (tmp_path / "odd.toml").write_text(path.read_text().replace('"N_r|r|" = -94.0', '"N_r|r|" = 94.0'))
-    assert run(["vehicle", "check", str(tmp_path / "odd.toml")]) == 0
+    assert run(["vehicle", "check", str(tmp_path / "odd.toml"), "--json"]) == 3
+    assert any(f["level"] == "warning" for f in json.loads(capsys.readouterr().out)["findings"])
+    assert run(["vehicle", "check", str(tmp_path / "odd.toml")]) == 3
     out = capsys.readouterr().out
     assert "Unphysical or contradictory:" in out and "N_r|r|" in out and "G_H" in out
 

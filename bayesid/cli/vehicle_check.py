@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bayesid.cli.choices import VehicleName
 from bayesid.cli.options import Json, Out, Verbose
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 if TYPE_CHECKING:
     from bayesid.model.vehicles import Vehicle
@@ -19,9 +20,13 @@ REPETITIVE = {"switch", "reach", *(f"overshoot {k}" for k in range(4, 1000))}
 LARGEST = 35 * DEG  # where a vehicle states no limit
 
 
-def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
+def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> int:
     """Check a vehicle: stability, how it turns and zig-zags, what no real vehicle does, and what it lacks for
-    which command."""
+    which command.
+
+    Ends with exit code 3 where something is unphysical or contradictory, whatever else is worth knowing or
+    missing.
+    """
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.cli.run_measures import print_measures
     from bayesid.files import write_json
@@ -46,15 +51,16 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
     result["lacking"] = lacks = lacking(found)
     if out is not None:
         write_json(out / "vehicle_check.json", result)
+    warnings = [finding for finding in findings if finding.level == "warning"]
+    code = NOT_CONVERGED if warnings else OK
     if as_json:
         print_json(result)
-        return
+        return code
     print_text(f"{found.name}\n")
     if straight is not None:
         print_table(["straight run", "value", "meaning"], _stability_rows(straight))
     print_measures([{**item, "kind": item["manoeuvre"]} for item in behaviour], found.L)
     print_text()
-    warnings = [finding for finding in findings if finding.level == "warning"]
     notes = [finding for finding in findings if finding.level != "warning"]
     for title, group in (("Unphysical or contradictory", warnings), ("Worth knowing", notes)):
         if group:
@@ -64,6 +70,7 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
     if not warnings:
         print_text("Nothing unphysical found.")
     _print_lacking(lacks)
+    return code
 
 
 def _print_lacking(lacks: dict[str, list[str]]) -> None:

@@ -50,7 +50,8 @@ def exit_codes() -> str:
         ["2", "usage or bad input; the message says what, where and what to do"],
         [
             "3",
-            "not converged, not determined by data and prior, a failed check of a diagnosis, or a question",
+            "not converged, not determined by data and prior, a failed check of a diagnosis, a vehicle that "
+            "`vehicle check` finds unphysical, or a question",
         ],
         ["4", "the log does not say what its header says: `trial check`, verdict `input` of `diagnose`"],
         ["130, 143", "stopped; what was done is kept, and the same command goes on from there"],
