@@ -1,5 +1,7 @@
 """Samplers on densities with known moments: right answers, honest convergence checks, nothing unsaid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from emcee import EnsembleSampler
@@ -99,8 +101,31 @@ def test_the_region_where_a_simulation_fails_is_never_entered_and_is_counted():
 
 def test_a_start_without_finite_density_says_how_many_walkers_and_what_to_do():
     density = GaussianDensity(np.zeros(2), np.eye(2), edge=-1e9)
-    with pytest.raises(SampleError, match=r"of 128 walkers find no start.*fit again"):
+    with pytest.raises(
+        SampleError, match=r"of 128 walkers find no start.*no unknown is at a bound.*fit again"
+    ):
         sample(density, Laplace(np.zeros(2), np.eye(2)), SamplerOptions())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        ([-9, 0, -9, -9, -9], [9] * 5, "there is p1 at its lower bound 0: fit again with it held"),
+        ([0, -9, -9, -9, -9], [9, 9, 9, 0, 9], "are p0 at its lower bound 0, p3 at its upper bound 0: fit"),
+        (
+            [0] * 5,
+            [9] * 5,
+            "p1 at its lower bound 0, p2 at its lower bound 0 and 2 more: fit again with them",
+        ),
+    ],
+)
+def test_a_start_without_finite_density_names_the_unknowns_at_a_bound_and_no_others(low, high, said):
+    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+    density = GaussianDensity(np.zeros(5), np.eye(5), edge=-1e9)
+    density.unknowns = replace(density.unknowns, low=low, high=high)
+    with pytest.raises(SampleError, match=said) as told:
+        sample(density, Laplace(np.zeros(5), np.eye(5), low, high), SamplerOptions())
+    assert "p4" not in str(told.value)
 
 
 def test_starts_within_bounds_follow_the_cut_gaussian_even_when_the_mode_is_in_a_corner():

@@ -23,14 +23,17 @@ from bayesid.estimation.sampling.convergence import (
     check_convergence,
     long_enough,
 )
-from bayesid.estimation.sampling.density import Density, Laplace
+from bayesid.estimation.sampling.density import Density, Laplace, Unknowns
 from bayesid.estimation.sampling.moves import WEIGHTS, Reference, make_moves
 from bayesid.estimation.sampling.posterior import Posterior
 from bayesid.estimation.sampling.store import Block, RandomState, Store
+from bayesid.words import first_few
 
 Array = np.ndarray
 ADAPTATION_ROUNDS = 3  # the Gaussian of the third move is renewed after each of them, then never again
 START_TRIES = 40
+AT_BOUND = 1e-6  # standard deviations from a bound within which the mode is at it
+MOST_NAMED = 3
 # A chain is given up where two estimates in a row ask for so many times the steps allowed. Correlation times
 # of short chains come out too short, so that more steps would ask for more.
 HOPELESS = 1.5
@@ -300,12 +303,28 @@ class _Crew:
             coords[bad] = self._drawn(int(bad.sum()), reach, random)
             values[bad] = log_prob(coords[bad])
         raise SampleError(
-            f"{int(bad.sum())} of {count} walkers find no start of finite density around the mode: "
-            "the simulation fails or the bounds end there; fit again, or widen the bounds"
+            f"{int(bad.sum())} of {count} walkers find no start of finite density around the mode; "
+            + _why_no_start(self.density.unknowns, self.laplace)
         )
 
     def _drawn(self, count: int, spread: float, random: np.random.RandomState) -> Array:
         return self.laplace.whitened(self.laplace.draw(count, spread, random))
+
+
+def _why_no_start(unknowns: Unknowns, laplace: Laplace) -> str:
+    """Which unknowns the mode has at which bound, and what to do."""
+    sd, told = np.sqrt(np.diag(laplace.covariance)), []
+    sides = (("lower", laplace.low, unknowns.low), ("upper", laplace.high, unknowns.high))
+    for side, ends, natural in sides:
+        if ends is not None:
+            at = np.abs(laplace.mode - ends) <= AT_BOUND * sd
+            told += [f"{unknowns.names[i]} at its {side} bound {natural[i]:.4g}" for i in np.flatnonzero(at)]
+    if not told:
+        return "no unknown is at a bound there: the simulation fails; fit again"
+    verb, whom = ("is", "it") if len(told) == 1 else ("are", "them")
+    return (
+        f"there {verb} {first_few(told, MOST_NAMED)}: fit again with {whom} held there, or widen the bounds"
+    )
 
 
 def _stoppable(
