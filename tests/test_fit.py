@@ -152,11 +152,26 @@ def test_a_fit_killed_at_any_line_of_its_log_ends_with_the_very_same_numbers(mod
         torn = tmp_path / f"torn{cut}"
         torn.mkdir()
         (torn / "iterates.jsonl").write_text("\n".join(lines[:cut]) + "\n" + lines[cut][:40])
-        resumed = fit(problem, options, folder=torn)
+        said, told = [], []
+        resumed = fit(
+            problem,
+            options,
+            folder=torn,
+            say=said.append,
+            watch=lambda done, *_, told=told: told.append(done),
+        )
+        kept = told[0] - 1  # the first iterate that is found anew is the next
+        if kept:
+            assert len(said) == 1 and said[0].startswith(f"goes on after {kept} iterates")
+        else:
+            assert said == ["begins anew: the run before was interrupted in the first 4 iterates"] * (cut > 1)
         assert np.array_equal(resumed.z, whole.z) and np.array_equal(resumed.covariance, whole.covariance)
         assert (resumed.costs, resumed.sigma, resumed.message) == (whole.costs, whole.sigma, whole.message)
-    again = fit(problem, options, folder=torn)  # ended: read back
+    said = []
+    again = fit(problem, options, folder=torn, say=said.append)  # ended: read back
+    assert said[0].startswith(f"the search of an earlier run of this fit had ended after {len(whole.costs)} ")
     assert np.array_equal(again.z, whole.z) and again.seconds == resumed.seconds
+    assert again.costs == whole.costs
 
 
 def test_another_problem_does_not_resume_from_a_foreign_log(model, tmp_path):
@@ -164,7 +179,9 @@ def test_another_problem_does_not_resume_from_a_foreign_log(model, tmp_path):
     problem = trial_problem(model, trial, coefficient_set(model, FREE))
     fit(problem, FitOptions(rounds=1), folder=tmp_path)
     other = trial_problem(model, trial, coefficient_set(model, FREE[:3]))
-    result = fit(other, folder=tmp_path)
+    said = []
+    result = fit(other, folder=tmp_path, say=said.append)
+    assert said == ["begins anew: the iterates kept there are of another fit"]
     lines = read_lines(tmp_path / "iterates.jsonl")
     assert result.names[:3] == FREE[:3] and lines[-1]["kind"] == "end"
     assert {line["problem"] for line in lines if "problem" in line} == {problem.digest, other.digest}

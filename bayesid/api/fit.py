@@ -145,6 +145,7 @@ def fit(
             effects=names_of(with_effects) or [], declared=declared_effects(effects),
             parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
+            say=(lambda text: shown.note(f"{out}: {text}")) if resume else None,
         )  # fmt: skip
     if out is not None:
         remove_fitted(out)  # it would predict with the coefficients of the fit before

@@ -102,6 +102,7 @@ def fit_trial(
     parts: NoiseParts | None = None,
     effects: Iterable[str] = (),
     declared: Iterable[Effect] = (),
+    say: Callable[[str], None] | None = None,
 ) -> TrialFit:
     """Maximum-posterior fit of a trial's runs with role "identify".
 
@@ -118,6 +119,7 @@ def fit_trial(
     declared : effects beyond the catalogue
     parts : what the noise is made of; by default what the data ask for, `NoiseParts()` is white noise
     options : with `profile` None, a channel the trial states no noise for makes all of them be estimated
+    say : told in a sentence whether the fit goes on from what `out` holds of an earlier run
 
     Raises
     ------
@@ -148,7 +150,7 @@ def fit_trial(
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
         options = replace(options, profile=not stated)
     kinds = {run.name: kind_of(run.manoeuvre) for run in trial.identify}
-    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts, kinds)
+    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts, kinds, say)
     found = _identified(model, trial, result)
     if out is not None:
         write_vehicle(found, Path(out) / "vehicle.toml")

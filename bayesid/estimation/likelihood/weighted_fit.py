@@ -43,6 +43,7 @@ def weighted_fit(
     watch: Callable[[int, float, float], None] | None = None,
     parts: NoiseParts | None = None,
     kinds: Mapping[str, str] | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
@@ -57,6 +58,7 @@ def weighted_fit(
         the sub-folders "balanced", weighted_<round> and "form"
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
     kinds : run -> kind of its motion, for posterior predictive p
+    say : as in `fit`, of the first search
 
     Returns
     -------
@@ -66,7 +68,7 @@ def weighted_fit(
     """
     if folder is not None:  # one of an earlier fit would look like this one's
         (Path(folder) / "fit.json").unlink(missing_ok=True)
-    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts)
+    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts, say)
     if parts is None and posterior is not None and result.converged:
         plain = noisy, result, posterior
         noisy, result, posterior = _with_form_if_asked(problem, options, folder, resume, watch, *plain)
@@ -135,9 +137,10 @@ def _without_form(
     resume: bool,
     watch: Callable[[int, float, float], None] | None,
     parts: NoiseParts | None,
+    say: Callable[[str], None] | None = None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """`weighted_fit` for the parameters the problem has."""
-    first = fit(problem, options, folder, resume, watch, store=False)
+    first = fit(problem, options, folder, resume, watch, store=False, say=say)
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
         first = _balanced(problem, options, first, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)

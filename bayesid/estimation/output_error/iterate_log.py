@@ -25,12 +25,14 @@ class IterateLog:
     Attributes
     ----------
     found : lines of an earlier run of the same fit, oldest first; empty for a new one
+    of_others : whether the file holds lines of another fit
     """
 
     def __init__(
         self, path: str | os.PathLike[str] | None, header: Mapping[str, Any], resume: bool = True
     ) -> None:
         self.found: list[dict[str, Any]] = []
+        self.of_others = False
         self._header = dict(header)
         self._path = None if path is None else Path(path)
         self._handle: TextIO | None = None
@@ -38,6 +40,7 @@ class IterateLog:
             return
         lines = read_lines(self._path)
         mine = [line for line in lines if line.get("digest") == header["digest"] and "kind" in line]
+        self.of_others = any(line.get("digest") != header["digest"] for line in lines)
         kept = lines if resume else [line for line in lines if line.get("digest") != header["digest"]]
         self.found = mine if resume else []
         self._open(kept)

@@ -28,6 +28,7 @@ from bayesid.estimation.output_error.slsqp import DAMPING, Clock, Enough, Iterat
 
 Array = np.ndarray
 TIME_SHARES = ("line_search", "gradient", "subproblem", "other")
+FRESH = "--fresh (in Python resume=False) begins anew"
 SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
 SAME_COST_SHARE = 1e-3  # starts whose costs differ by less than this share end in the same minimum
 
@@ -70,6 +71,7 @@ def fit(
     watch: Callable[[int, float, float], None] | None = None,
     note: Callable[[Iterate], None] | None = None,
     store: bool = True,
+    say: Callable[[str], None] | None = None,
 ) -> Fit:
     """Minimise the cost of a problem.
 
@@ -82,6 +84,7 @@ def fit(
         cost it tells is not that of the values it tells
     watch : called with (iterations done, cost, step)
     note : called with every `Iterate`; for studies of the search itself
+    say : told in a sentence whether the search goes on from what the folder holds, where it holds anything
 
     Raises
     ------
@@ -103,6 +106,8 @@ def fit(
     )  # fmt: skip
     try:
         _check(problem, options, journal)
+        if say is not None and (words := _resumed_words(journal, options)):
+            say(words)
         searches = [
             _search(problem, options, number, z0, journal, watch, note)
             for number, z0 in enumerate(start_points(problem, options))
@@ -204,6 +209,8 @@ def _search(
             )  # fmt: skip
         else:
             search.predicted, slow, damping = begun["predicted"], begun["slow"], begun["damping"]
+            # said again, or the iterates of the round cut short would count beside those found anew
+            journal.write(**{k: v for k, v in begun.items() if k != "digest"})
             begun = None
         done: Round = run_round(
             search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after, note
@@ -259,6 +266,28 @@ def _check(problem: FitProblem, options: FitOptions, journal: IterateLog) -> Non
     warnings.warn(
         f"the log of the interrupted fit is not used: {reason}{name}, and the fit begins anew", stacklevel=3
     )
+
+
+def _resumed_words(journal: IterateLog, options: FitOptions) -> str:
+    """Whether a fit goes on from its log, and after how many iterates; empty where there is no log."""
+    kept, ended = 0, set()
+    for number in range(options.starts):
+        count = at = 0
+        for line in (x for x in journal.found if x.get("start") == number):
+            if line["kind"] == "iterate":
+                count += 1
+            else:
+                count = at = int(line["done"]) if line["kind"] == "round" else count
+            if line["kind"] == "end":
+                ended.add(number)
+        kept += at
+    if len(ended) == options.starts:
+        return f"the search of an earlier run of this fit had ended after {kept} iterates; {FRESH}"
+    if kept:
+        return f"goes on after {kept} iterates of an interrupted run of this fit; {FRESH}"
+    if journal.found:
+        return f"begins anew: the run before was interrupted in the first {options.iterations} iterates"
+    return "begins anew: the iterates kept there are of another fit" if journal.of_others else ""
 
 
 def _restore(search: _Search, found: list[dict[str, Any]]) -> tuple[bool, dict[str, Any] | None]:
