@@ -55,6 +55,7 @@ def world(w):
         "parameters_told": lambda problem, best, sensors: {},
         "sizes_told": lambda problem, candidates, best: {},
         "idle": lambda best, problem, table, told: tuple(n for n in w["idle"] if n in best.effects),
+        "beyond_range": lambda best, problem, table: (),
         "pulls": lambda fit, problem: np.array(w["pulls"]),
         "cross_validate": lambda best, none, k: SimpleNamespace(**w["runs"]),
     }
@@ -272,6 +273,39 @@ def test_causes_that_have_no_size_or_are_a_list_do_not_keep_the_rest_from_the_fo
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
     assert decide(problem, comparison).word in (word, f"{word}_with_remainder")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({}, "probability"),  # b acts with 0.5
+        ({"p": 0.99}, None),
+        ({"p": 0.99, "idle": ("b",)}, "size"),
+        ({"p": 0.99, "idle": ("b",), "range": ("b",)}, "range"),
+        ({"p": 0.99, "range": ("b",)}, None),  # idle asks for the range
+        ({"p": 0.99, "leeway": "b"}, "leeway"),
+        ({"p": 0.99, "covered": ("b",)}, "form"),
+        ({"p": 0.99, "after": 25.0}, None),  # a remainder of 25 nats beside the 300 that b explains
+        ({"p": 0.99, "after": 35.0}, "remainder"),
+        ({"idle": ("b",), "after": 35.0}, "size"),  # the first that holds
+    ],
+)
+def test_an_effect_that_is_not_named_has_the_reason_that_decided(change, reason, monkeypatch):
+    """a explains 1000 nats and is sure; b adds 300."""
+    refits = [[["a", "b"], 1300.0, 1.0, True], [["a"], 1000.0, 1.0, True], [["b"], 300.0, 1.0, True]]
+    inside = {"a": 0.99, "b": change.get("p", 0.5), "none": 0.0, "outside": 0.0}
+    w = WORLDS[0] | NAMED | {"refits": refits, "inside": inside, "after": change.get("after", 0.0)}
+    problem, comparison, stand_ins = world(w)
+    stand_ins["idle"] = lambda best, problem, table, told: change.get("idle", ())
+    stand_ins["beyond_range"] = lambda best, problem, table: change.get("range", ())
+    stand_ins["given_by_leeway"] = lambda problem, effect, table: effect.name == change.get("leeway")
+    stand_ins["_covered"] = lambda problem, comparison, best, sensors: (change.get("covered", ()), True)
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    named = facts.grounds_of(problem, comparison).named
+    assert named.unnamed == ({} if reason is None else {"b": reason})
+    assert named.sure == (("a", "b") if reason is None else ("a",))
+    assert decide(problem, comparison).unnamed == named.unnamed
 
 
 @pytest.mark.parametrize(

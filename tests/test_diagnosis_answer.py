@@ -26,6 +26,7 @@ from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunEr
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
+from bayesid.diagnosis.unnamed_words import WHY
 from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
@@ -671,5 +672,11 @@ def test_what_the_explanation_has_beside_the_name_is_told_with_its_probability()
         acting={**RESULT.acting, "actuator_backlash": 0.78},
     )  # fmt: skip
     said = " ".join(answer(more).certainty)
-    assert "The explanation also has actuator backlash (0.78 that it acts): too unsure to be named." in said
+    also = "The explanation also has actuator backlash"
+    assert f"{also} (0.78 that it acts), not named: a name asks for 0.90." in said
+    sure = replace(more, acting={**RESULT.acting, "actuator_backlash": 0.97})
+    assert f"{also} (0.97 that it acts), not named." in " ".join(answer(sure).certainty)  # of an older file
+    for reason, words in WHY.items():
+        told = " ".join(answer(replace(sure, unnamed={"actuator_backlash": reason})).certainty)
+        assert f"{also} (0.97 that it acts), not named: {words}." in told
     assert "The explanation also has" not in " ".join(answer(RESULT).certainty)

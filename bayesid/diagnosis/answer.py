@@ -40,6 +40,7 @@ from bayesid.diagnosis.run_errors import (
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
+from bayesid.diagnosis.unnamed_words import unnamed_words
 from bayesid.model.effects import CATALOGUE
 from bayesid.words import first_few
 
@@ -338,11 +339,9 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
                 "withheld trials, of those above one in thirty."
             )
-        if unsure := [n for n in explanation(result) if n not in {e.name for e in result.effects}]:
-            beside = ", ".join(
-                f"{in_words(n)} ({probability(result.acting.get(n, 0.0))} that it acts)" for n in unsure
-            )
-            out.append(f"The explanation also has {beside}: too unsure to be named.")
+        named = {e.name for e in result.effects}
+        if unnamed := unnamed_words(result, [n for n in explanation(result) if n not in named]):
+            out.append(unnamed)
     first = leading_cause(result) if result.verdict == "ambiguous" else None
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")

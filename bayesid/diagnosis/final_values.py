@@ -143,6 +143,7 @@ def result_of(
         hidden_by_coefficients=verdict.hidden,
         reasons=verdict.reasons,
         rule=verdict.rule,
+        unnamed=dict(verdict.unnamed),
         thresholds=c.thresholds,
         screen=tuple(Screened(s.name, float(s.gain)) for s in c.scores),
         refits=tuple(_refit(problem, c.none, r) for r in (c.none, *c.refits)),

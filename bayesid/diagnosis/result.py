@@ -15,6 +15,7 @@ from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
 from bayesid.diagnosis.evidence.missing_force import MissingForce
+from bayesid.diagnosis.hypotheses.facts import Unnamed
 from bayesid.diagnosis.hypotheses.rules import Word
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds
 from bayesid.diagnosis.next_manoeuvre import Proposal
@@ -248,6 +249,16 @@ class Result:
             "of the hull's forces or [N]; evidence beside the explanation, and without any effect [nats]."
         ),
     ] = None
+    unnamed: Annotated[
+        Mapping[str, Unnamed],
+        About(
+            "Effects of the explanation that are not named beside those that are, and why. range: a "
+            "parameter is out of the range in which it is that effect. size: it is not told from none. "
+            "leeway: that of a constant side force reads the same. form: no more than what the force the "
+            "equations lack may leave. remainder: what is left is a large part of what it explains. "
+            "probability: below that of a name."
+        ),
+    ] = field(default_factory=dict)
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

@@ -373,20 +373,29 @@ def idle(
     """
     model = problem.model
     table = parameter_table(candidate.fit, problem) if table is None else table
-    out = []
+    out = [*beyond_range(candidate, problem, table)]
     for name in candidate.effects:
-        if name not in model.effects:
+        if name not in model.effects or name in out:
             continue
         keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
-        limits = {k: model.effect_limits[model.index[k]] for k in keys if k in table}
-        if any(not low <= table[k][0] <= high for k, (low, high) in limits.items()):
-            out.append(name)
-            continue
         sizes = [k for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
         if sizes and (
             0.5 * _squares(model, table, sizes) < LEAST_NAMING_EVIDENCE
             or (told is not None and _squares(model, told, sizes) < chdtri(len(sizes), 1.0 - INTERVAL_TOLD))
         ):
+            out.append(name)
+    return tuple(n for n in candidate.effects if n in out)
+
+
+def beyond_range(
+    candidate: RefittedHypothesis, problem: DiagnosisProblem, table: Mapping[str, tuple[float, float]]
+) -> tuple[str, ...]:
+    """Effects of a refit with a parameter outside the range in which it is that effect."""
+    model, out = problem.model, []
+    for name in (n for n in candidate.effects if n in model.effects):
+        keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
+        limits = {k: model.effect_limits[model.index[k]] for k in keys if k in table}
+        if any(not low <= table[k][0] <= high for k, (low, high) in limits.items()):
             out.append(name)
     return tuple(out)
 

@@ -7,7 +7,8 @@ speak of. Does not decide.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import (
     COEFFICIENT_ERROR,
     RefittedHypothesis,
+    beyond_range,
     explains,
     idle,
     pulls,
@@ -48,6 +50,12 @@ from bayesid.diagnosis.threshold_table import (
     UNDETECTABLE_NONCENTRALITY,
 )
 from bayesid.equations.model import Model
+
+# Why one of several effects of the best explanation is not named: a parameter is out of the range in which it
+# is that effect, its size is not told from none, the leeway of a constant side force reads the same, it gains
+# no more than the model form may leave or is a shape of it, what is left is a large part of what it explains,
+# its probability of acting is below `NAMING_PROBABILITY`.
+Unnamed = Literal["range", "size", "leeway", "form", "remainder", "probability"]
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,7 @@ class Named:
     ----------
     best : effects of the best explanation
     sure : those of several that may be named
+    unnamed : the others of several, and why
     hidden : effects the coefficients can absorb
     along : of these the ones about as good as the best
     set95 : credible set
@@ -151,6 +160,7 @@ class Named:
     undetectable: tuple[str, ...]
     form: bool = False
     like: tuple[str, ...] = ()
+    unnamed: Mapping[str, Unnamed] = field(default_factory=dict)
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -211,21 +221,26 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         if best.widens
         else tuple(n for n in best.effects if given_by_leeway(problem, problem.model.effects[n], table))
     )
-    sure: tuple[str, ...] = ()
+    unnamed: dict[str, Unnamed] = {}
     if several:
         shows = left > limit.remainder
         # What kinematics tells of a sensor holds whatever else is left.
         holds = [n for n in sensors.told if not _reads(problem, n, candidates.where_after)]
-        # An effect that explains little beside what is left is a part of the remainder; one whose size is
-        # nought mends something else.
-        kept = [
-            n
-            for n in best.effects
-            if n not in (*off, *leeway)
-            and n not in covered
-            and (not shows or n in holds or left < MINOR_SHARE * _part(candidates, best, {n}))
-        ]
-        sure = tuple(n for n in kept if acts(candidates, families, n) >= NAMING_PROBABILITY)
+        beyond_it = beyond_range(best, problem, table) if off else ()
+        for n in best.effects:
+            # An effect that explains little beside what is left is a part of the remainder; one whose size is
+            # nought mends something else.
+            if n in off:
+                unnamed[n] = "range" if n in beyond_it else "size"
+            elif n in leeway:
+                unnamed[n] = "leeway"
+            elif n in covered:
+                unnamed[n] = "form"
+            elif shows and n not in holds and not left < MINOR_SHARE * _part(candidates, best, {n}):
+                unnamed[n] = "remainder"
+            elif acts(candidates, families, n) < NAMING_PROBABILITY:
+                unnamed[n] = "probability"
+    sure = tuple(n for n in best.effects if several and n not in unnamed)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
     unlisted = free > limit.remainder and probability["outside"] > EVEN_ODDS
     # runs are set against each other where a name is at stake
@@ -263,7 +278,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     )
     along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE)
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
-    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like)
+    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like, unnamed)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 

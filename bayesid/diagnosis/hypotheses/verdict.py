@@ -8,13 +8,13 @@ Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no hel
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, grounds_of, simplest
+from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, Unnamed, grounds_of, simplest
 from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, NAMING, WORDS, Rule, Word, deciding
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
@@ -35,6 +35,7 @@ class Verdict:
     hidden : effects the coefficients can absorb, which lie along the fitted coefficient change
     reasons : sentences, numbers included
     rule : name of the rule that decided
+    unnamed : effects of the best explanation that are not named though others of it may be, and why
     """
 
     word: Word
@@ -43,6 +44,7 @@ class Verdict:
     hidden: tuple[str, ...]
     reasons: tuple[str, ...]
     rule: str = ""
+    unnamed: Mapping[str, Unnamed] = field(default_factory=dict)
 
 
 def decide(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Verdict:
@@ -50,7 +52,9 @@ def decide(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Verdi
     grounds = grounds_of(problem, candidates)
     rule = deciding(grounds.facts)
     effects, hidden, set95 = names_of(rule, grounds.named)
-    return Verdict(rule.word, effects, set95, hidden, _reasons(grounds, rule), rule.name)
+    return Verdict(
+        rule.word, effects, set95, hidden, _reasons(grounds, rule), rule.name, grounds.named.unnamed
+    )
 
 
 REFUTED = "refuted by held-out runs"

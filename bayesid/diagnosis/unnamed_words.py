@@ -1,0 +1,35 @@
+"""What the explanation of a diagnosis has beside the effects that are named, and why those are not.
+
+Takes a `Result`. The reason is the one the verdict was decided with, not the probability told beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bayesid.diagnosis.hypotheses.facts import Unnamed
+from bayesid.diagnosis.plain_words import in_words, probability
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
+
+WHY: dict[Unnamed, str] = {
+    "range": "its size is out of the range in which it is one",
+    "size": "its size, as wide as runs and explanations differ about it, is not told from none",
+    "leeway": "the leeway of a constant side force reads the same",
+    "form": "it is no more than what the force the equations lack may leave",
+    "remainder": "what is left unexplained is a large part of what it explains",
+    "probability": f"a name asks for {NAMING_PROBABILITY:.2f}",
+}
+
+
+def unnamed_words(result: Result, names: Sequence[str]) -> str:
+    """A sentence on these effects of the explanation; empty without one."""
+    told = []
+    for name in names:
+        p = result.acting.get(name, 0.0)
+        why = result.unnamed.get(name, "probability" if p < NAMING_PROBABILITY else None)
+        told.append(
+            f"{in_words(name)} ({probability(p)} that it acts), not named"
+            + (f": {WHY[why]}" if why is not None else "")
+        )
+    return f"The explanation also has {'; '.join(told)}." if told else ""
