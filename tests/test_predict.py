@@ -16,6 +16,7 @@ from bayesid.api.predict import predict
 from bayesid.cli.main import run as bayesid
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
+from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import ManoeuvreError, ModelError
 from bayesid.estimation.filter_error.fit import fit
@@ -26,6 +27,8 @@ from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.prediction import prediction
+from bayesid.prediction.fitted_model import Calibration, diverging_draws
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import (
     band_checks,
@@ -37,7 +40,8 @@ from bayesid.prediction.intervals import (
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report.predict_first_screen import band_text, beside, headline, mean_until
+from bayesid.report.fit import diverging_words
+from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -409,6 +413,101 @@ def test_coefficients_that_were_fitted_predict_the_mean_of_their_draws(verdict, 
     fitted = replace(found, verdict=verdict, hypotheses=(replace(h, mean=h.mean * steps),))
     p = predict_run(fitted, logged(1)[0], draws=20)
     assert not p.centres and np.array_equal(p.told, p.mean)
+
+
+def test_beside_the_mean_of_a_fits_draws_stands_what_its_estimate_alone_predicts(tmp_path):
+    """A fit that found the vehicle as it is, and hardly knows it: its estimate is the vehicle as given."""
+    trial = planted_trial(MODEL)
+    write_diagnosed(replace(found_with(6.0), verdict="fit"), tmp_path / "fit")
+    write_diagnosed(found_with(6.0), tmp_path / "diagnosis")
+    found = predict(trial, ["turn", "zigzag:10/10"], model=tmp_path / "fit", draws=40, speed=1.5)
+    turn = found.predictions[0]
+    assert turn.estimate.readings == pytest.approx(turn.given, abs=1e-9)
+    assert np.array_equal(turn.told, turn.mean) and np.abs(turn.told - turn.estimate.readings).max() > 0.1
+    first, second = found.numbers["predictions"]
+    for row in first["against_readings"].values():
+        assert row["rms_estimate"] == pytest.approx(row["rms_given"], rel=1e-6)
+    for row in second["measures"]:
+        assert row["estimate"] == row["given"]
+    said, kept = found.summary(), 40 - first["diverged"]
+    assert (
+        f"misses the log by {number(np.hypot(*(first['against_readings'][c]['rms_given'] for c in 'xy')))} m"
+        in said
+    )
+    assert f"; told is the mean of {kept} vehicles drawn about it." in said
+    assert "The estimate alone, as `bayesid fit` simulates it: overshoot 1 " in said
+    of_gap = predict(trial, ["turn"], model=tmp_path / "diagnosis", draws=40)
+    assert of_gap.predictions[0].estimate is None and "The estimate alone" not in of_gap.summary()
+
+
+def test_where_draws_of_a_fit_diverge_its_estimate_is_told_and_said(monkeypatch, tmp_path):
+    """One simulation of a draw in ten is made to diverge; the mean of the others is told beside."""
+    write_diagnosed(replace(found_with(6.0), verdict="fit"), tmp_path)
+    calls, simulated, alone = iter(range(10_000)), prediction._track, prediction._undisturbed
+
+    def some(*given):
+        return None if next(calls) % 10 == 0 else simulated(*given)
+
+    def whole(*given):
+        with monkeypatch.context() as m:
+            m.setattr(prediction, "_track", simulated)
+            return alone(*given)
+
+    monkeypatch.setattr(prediction, "_track", some)
+    monkeypatch.setattr(prediction, "_undisturbed", whole)
+    found = predict(planted_trial(MODEL), ["turn"], model=tmp_path, draws=40)
+    (turn,), (row,) = found.predictions, found.numbers["predictions"]
+    assert turn.lost == row["diverged"] == 4 and row["told"] == "estimate of the fit"
+    assert np.array_equal(turn.told, turn.estimate.readings) and np.abs(turn.told - turn.mean).max() > 0.1
+    for told in row["against_readings"].values():
+        assert told["rms"] == told["rms_estimate"] != told["rms_mean"]
+    x, y = (row["against_readings"][c]["rms_mean"] for c in "xy")
+    assert (
+        f"4 diverge. The mean of the others is another track ({number(np.hypot(x, y))} m" in found.summary()
+    )
+    assert "x_low" in prediction_csv(turn)
+    assert read_back(turn)["x"] == pytest.approx(turn.told[:, turn.channels.index("x")], rel=1e-4, abs=1e-4)
+
+
+def read_back(p):
+    """Columns of the table of a prediction."""
+    rows = list(csv.DictReader(io.StringIO(prediction_csv(p))))
+    return {name.partition("[")[0]: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def test_an_estimate_that_diverges_is_said():
+    channels = {c: {"rms": 3.0, "inside": 0.9} for c in ("x", "y")}
+    row = {"estimate": "diverges", "told": "mean of the draws", "diverged": 0, "against_readings": channels}
+    assert (
+        estimate_words(row, 300)
+        == "The estimate alone diverges; told is the mean of 300 vehicles drawn about it."
+    )
+    assert "diverges, as do 44 more, left out; told is the mean of 256 " in estimate_words(
+        row | {"diverged": 44}, 300
+    )
+    assert estimate_words(row | {"estimate": None}, 300) == ""
+
+
+def test_a_fit_counts_the_vehicles_of_its_covariance_that_diverge(monkeypatch):
+    """Every third simulation is made to diverge."""
+    calls = iter(range(10_000))
+    simulated = prediction._track
+
+    def some(*given):
+        return None if next(calls) % 3 == 0 else simulated(*given)
+
+    model, runs = replace(found_with(), verdict="fit"), [logged(1)[0]]
+    assert diverging_draws(model, runs, draws=20) == {}
+    monkeypatch.setattr(prediction, "_track", some)
+    (share,) = diverging_draws(model, runs, draws=20).values()
+    assert share == pytest.approx(1 / 3, abs=0.04)
+    with pytest.raises(ModelError, match="draws diverge"):
+        predict_run(model, runs[0], draws=20)
+    calibration = Calibration({}, 1.0, {}, {}, diverge={"stop": 0.05, "turn": 0.33})
+    (said,) = diverging_words(calibration)
+    assert "(33% in `turn`, 5% in `stop`)" in said and "refuses" in said
+    assert "refuses" not in diverging_words(replace(calibration, diverge={"stop": 0.05}))[0]
+    assert diverging_words(replace(calibration, diverge={})) == []
 
 
 def test_explanations_with_coefficients_as_given_are_told_by_their_weight():

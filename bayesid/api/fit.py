@@ -30,12 +30,13 @@ from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
-from bayesid.prediction.fitted_model import Calibration, predictive_model
+from bayesid.prediction.fitted_model import Calibration, diverging_draws, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
 from bayesid.report.fit import (
     MISFIT,
     calibration_words,
+    diverging_words,
     failed_checks,
     fit_report,
     form_words,
@@ -154,11 +155,12 @@ def fit(
     try:
         with shown.stage("predict the fitted runs") as stage:
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
+            lost = diverging_draws(model, found.trial.holdout or found.trial.identify, seed=seed)
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
         return FitResult(found)
     write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
-    return FitResult(found, calibration)
+    return FitResult(found, replace(calibration, diverge=lost))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -262,7 +264,7 @@ class FitResult(Result):
             lines.append("\nNot determined by these data:")
             lines += [f"  {d.name}: held by {d.decided_by}" for d in result.flat]
         if self.calibration is not None:
-            lines.append(f"\n{calibration_words(self.calibration)}")
+            lines += ["", calibration_words(self.calibration), *diverging_words(self.calibration)]
         held = [run for run in found.runs if run.role == "holdout"]
         if held or verbose:
             of_held = " of the held-out runs, predicted from their first readings" if held else ""

@@ -35,6 +35,8 @@ from bayesid.prediction.intervals import (
     band_checks,
     beside_readings,
     measure_bands,
+    of_estimate,
+    of_mean,
     open_from,
     prediction_csv,
     shares_of_draws,
@@ -47,7 +49,7 @@ from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
 from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks
 from bayesid.report.prediction_figures import bands
-from bayesid.report.writer import Figure, Report, Section, Table, literal
+from bayesid.report.writer import Figure, Report, Section, Table, Text, literal
 from bayesid.report.writer.blocks import format_number
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
@@ -127,13 +129,14 @@ def predict(
         else:
             p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
         measures = told_measures(p, named_measures)
-        given = as_given(p)
-        if given is not None:
-            errors = beside_readings(given, run, seed) if run is not None else {}
-            against = {c: v | {"rms_given": errors[c]["rms"]} for c, v in against.items()}
-            nominal = {m["quantity"]: m["mean"] for m in measure_bands(given, named_measures)}
-            measures = [m | {"given": nominal.get(m["quantity"])} for m in measures]
-        row = _row(p, against, measures)
+        others = {"given": as_given(p), "estimate": of_estimate(p), "mean": of_mean(p)}
+        for key, other in ((key, other) for key, other in others.items() if other is not None):
+            errors = beside_readings(other, run, seed) if run is not None else {}
+            against = {c: v | {f"rms_{key}": errors[c]["rms"]} for c, v in against.items()}
+            if key != "mean":  # a measure has its own
+                nominal = {m["quantity"]: m["mean"] for m in measure_bands(other, named_measures)}
+                measures = [m | {key: nominal.get(m["quantity"])} for m in measures]
+        row = _row(p, against, measures, found.verdict == "fit")
         if out is not None:
             row["file"] = f"{_file_name(text)}.csv"
             write_atomic(Path(out) / row["file"], prediction_csv(p, seed if sensor_noise else None))
@@ -226,14 +229,16 @@ def _file_name(text: str) -> str:
     return re.sub("_+", "_", file_stem(text)).strip("_.")[:80] or "prediction"
 
 
-def _row(p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]]) -> dict[str, Any]:
+def _row(
+    p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]], fitted: bool
+) -> dict[str, Any]:
     late = p.t - p.t[0] > p.lead
     low, high = p.band()
-    told = first_screen.AS_GIVEN if p.centres else "mean of the draws"
+    alone = first_screen.PREDICTED if p.estimate else first_screen.DIVERGES
     width = {c: float((high - low)[late, j].max()) for j, c in enumerate(p.channels)} if late.any() else {}
     return {
         "name": p.name, "manoeuvre": p.manoeuvre, "seconds": float(p.t[-1] - p.t[0]), "lead": p.lead,
-        "told": told,
+        "told": first_screen.told_by(p), "estimate": alone if fitted else None,
         "diverged": p.lost, "widest_band": width, "heading_open_from": open_from(p),
         "against_readings": against, "measures": measures,
     }  # fmt: skip
@@ -283,7 +288,7 @@ class PredictResult(Result):
             band = p.band(LEVEL, noise)
             read, until = None if run is None else run.data, first_screen.mean_until(p)
             drawn = bands(p.t, p.channels, p.told, *band, read, p.lead, until)
-            line = first_screen.AS_GIVEN if p.centres else "mean"
+            line = first_screen.told_by(p)
             caption = (
                 f"Left: predicted track ({line}). Right: the same (line) and 95 % band of every other "
                 "channel."
@@ -299,6 +304,8 @@ class PredictResult(Result):
                 blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
             if row["measures"]:
                 blocks.append(Table(MEASURE_COLUMNS, _measures(row)))
+            if words := first_screen.estimate_words(row, self.numbers["draws"]):
+                blocks.insert(1, Text(words))
             sections.append(Section(literal(p.name), blocks))
         lead = (
             f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
@@ -331,7 +338,9 @@ class PredictResult(Result):
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
-            if row["diverged"]:
+            if words := first_screen.estimate_words(row, self.numbers["draws"]):
+                lines.append(f"  {words}")
+            elif row["diverged"]:
                 lines.append(f"  left out, as they diverge: {row['diverged']} draws")
             if row["against_readings"]:
                 lines.append(table_text(AGAINST_COLUMNS, _against(row), 3))

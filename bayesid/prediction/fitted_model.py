@@ -68,6 +68,8 @@ class Calibration:
     keeps_prior : whether coefficients are drawn no wider than their prior
     apart : whether each run was predicted from the others; not where one run alone was fitted
     channel : channel -> sd of errors of its own that no force explains, beyond its noise [SI]
+    diverge : held-out run, else fitted one -> share of the vehicles drawn from the covariance of the fit that
+        diverge in it; runs where none does are left out
     """
 
     level: dict[str, float]
@@ -78,6 +80,7 @@ class Calibration:
     keeps_prior: bool = False
     apart: bool = True
     channel: Mapping[str, float] = field(default_factory=dict)
+    diverge: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +164,21 @@ def predictive_model(
     told = _told(best, chosen, draws, seed, lead)
     told = replace(told, keeps_prior=best.posterior is kept)
     return with_disturbance(found, best.posterior, best.level, told.tau, told.run_spread, best.channel), told
+
+
+def diverging_draws(
+    model: DiagnosedModel, runs: Sequence[Run], draws: int = 60, seed: int = 0
+) -> dict[str, float]:
+    """Run -> share of the vehicles drawn that diverge in it, where any does."""
+    out = {}
+    for run in spaced(runs, MOST_RUNS):
+        try:
+            lost = predict_run(model, run, draws, seed, most_diverged=1.0).lost
+        except ModelError:
+            lost = draws
+        if lost:
+            out[run.name] = lost / draws
+    return out
 
 
 def _settled(

@@ -15,7 +15,7 @@ import numpy as np
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel
 from bayesid.measures.angle_errors import counted_on
 from bayesid.model.channels import channel
-from bayesid.prediction.prediction import INTERVAL_LEVEL, Prediction
+from bayesid.prediction.prediction import INTERVAL_LEVEL, Centre, Prediction
 from bayesid.trials import Run
 
 Array = np.ndarray
@@ -232,9 +232,24 @@ def as_given(p: Prediction) -> Prediction | None:
     return None if p.given is None else _alone(p, p.given, p.given_orders)
 
 
+def of_estimate(p: Prediction) -> Prediction | None:
+    """The same of the estimate of a fit alone: one draw, no band; None of a diagnosis, or where it
+    diverges."""
+    return None if p.estimate is None else _alone(p, p.estimate.readings, p.estimate.orders)
+
+
+def of_mean(p: Prediction) -> Prediction | None:
+    """The same told by the mean of the draws; None where that is told anyway."""
+    return replace(p, centres=()) if p.centres else None
+
+
 def thinned(p: Prediction, every: int) -> Prediction:
     """Every so many-th sample of a prediction, for tables that need not be as fine as the simulation."""
     pick = slice(None, None, every)
+
+    def fewer(c: Centre) -> Centre:
+        return replace(c, readings=c.readings[pick], orders=None if c.orders is None else c.orders[pick])
+
     return replace(
         p,
         t=p.t[pick],
@@ -243,10 +258,8 @@ def thinned(p: Prediction, every: int) -> Prediction:
         orders=None if p.orders is None else p.orders[:, pick],
         given=None if p.given is None else p.given[pick],
         given_orders=None if p.given_orders is None else p.given_orders[pick],
-        centres=tuple(
-            replace(c, readings=c.readings[pick], orders=None if c.orders is None else c.orders[pick])
-            for c in p.centres
-        ),
+        centres=tuple(map(fewer, p.centres)),
+        estimate=None if p.estimate is None else fewer(p.estimate),
     )
 
 

@@ -11,7 +11,7 @@ vehicle: there it is the model that the diagnosis shows, and the draws give the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,8 +73,9 @@ class Prediction:
     given_orders : (n,) its rudder orders in a closed loop, None otherwise
     vehicles : (k,) which of the drawn vehicles each draw is; all of them, in order, by default
     occasion : number of the run among those the vehicles are followed through
-    centres : explanations with coefficients as given, which add up to what is told; empty where they were
-        fitted, or where one diverges
+    centres : explanations with coefficients as given, or the estimate of a fit of whose draws some diverge:
+        they add up to what is told; empty elsewhere, or where one diverges
+    estimate : the estimate of a fit as it is, undisturbed; None of a diagnosis, or where it diverges
     """
 
     name: str
@@ -92,10 +93,20 @@ class Prediction:
     vehicles: Array = None  # type: ignore[assignment]
     occasion: int = 0
     centres: tuple[Centre, ...] = ()
+    estimate: Centre | None = None
 
     def __post_init__(self) -> None:
         if self.vehicles is None:
             object.__setattr__(self, "vehicles", np.arange(len(self.draws)))
+
+    def _about_estimate(self) -> Prediction:
+        """The same, told by the estimate where draws about it diverge.
+
+        Those that are left are of a law that reaches beyond what the estimate stands for. Of seven held-out
+        runs of a ship in which 7 to 49 of 300 diverged their mean missed the position by 12 m (geometric
+        mean), their median by 12 m, the estimate by 7 m; the heading by 14, 24 and 16 degrees.
+        """
+        return replace(self, centres=(self.estimate,)) if self.lost and self.estimate else self
 
     def sensor_noise(self, seed: int) -> np.random.Generator:
         """Generator of the white noise of the sensors in this run."""
@@ -108,7 +119,7 @@ class Prediction:
 
     @property
     def told(self) -> Array:
-        """(n, q) what is predicted: explanations with coefficients as given, else the mean of the draws."""
+        """(n, q) what is predicted: the centres, else the mean of the draws."""
         if not self.centres:
             return self.mean
         whole = sum(c.weight for c in self.centres)
@@ -142,6 +153,7 @@ def predict_run(
     seed: int = 0,
     lead: float | None = None,
     occasion: int = 0,
+    most_diverged: float = MOST_DIVERGED,
 ) -> Prediction:
     """Predict a logged run from its orders, begun on its first readings.
 
@@ -152,6 +164,7 @@ def predict_run(
     occasion : number of the run among several through which the vehicles are followed. In each of them
         vehicle k has the same cause and coefficients; deviation of its coefficients in the run, size of the
         disturbance, disturbance and start are independent. 0 is the first, or the only one
+    most_diverged : share of the draws that may
 
     Raises
     ------
@@ -187,7 +200,7 @@ def predict_run(
             tracks[k] = _track(model, par, plan, begin.x0, force, drift, channels, picked)
     kept = [x for x in tracks if x is not None]
     whole = np.array([k for k, x in enumerate(tracks) if x is not None])
-    _enough(run.name, len(kept), draws)
+    _enough(run.name, len(kept), draws, most_diverged)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     commands = {**run.commands, **run.measured_inputs}
     lost = draws - len(kept)
@@ -200,22 +213,36 @@ def predict_run(
     return Prediction(
         run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise,
         None if given is None else given[0], vehicles=whole, occasion=occasion,
-        centres=_centres(found, undisturbed),
-    )  # fmt: skip
+        centres=_centres(found, undisturbed), estimate=_estimate(found, undisturbed),
+    )._about_estimate()  # fmt: skip
 
 
-def _centres(
-    found: DiagnosedModel, undisturbed: Callable[[Array, NoiseModel], tuple[Array, Array | None] | None]
-) -> tuple[Centre, ...]:
+Undisturbed = Callable[[Array, NoiseModel], tuple[Array, Array | None] | None]
+
+
+def _centres(found: DiagnosedModel, undisturbed: Undisturbed) -> tuple[Centre, ...]:
     """Every explanation, where all have the coefficients as given; none where one of them diverges."""
     out: list[Centre] = []
     for h in found.hypotheses if found.coefficients_as_given else ():
-        par = found.model.nominal.copy()
-        par[found.model.positions(h.names)] = h.mean
-        if (made := undisturbed(par, h.noise_model)) is None:
+        if (centre := _centre(found, h, undisturbed)) is None:
             return ()
-        out.append(Centre(h.weight, *made))
+        out.append(centre)
     return tuple(out)
+
+
+def _estimate(found: DiagnosedModel, undisturbed: Undisturbed) -> Centre | None:
+    """The estimate of a fit, whose hypotheses differ in the noise model alone."""
+    if found.verdict != "fit":
+        return None
+    return _centre(found, max(found.hypotheses, key=lambda h: h.weight), undisturbed)
+
+
+def _centre(found: DiagnosedModel, h: WeightedHypothesis, undisturbed: Undisturbed) -> Centre | None:
+    """The mean of a hypothesis as one vehicle; None where it diverges."""
+    par = found.model.nominal.copy()
+    par[found.model.positions(h.names)] = h.mean
+    made = undisturbed(par, h.noise_model)
+    return None if made is None else Centre(h.weight, *made)
 
 
 def _undisturbed(
@@ -341,8 +368,8 @@ def predict_manoeuvre(
     return Prediction(
         name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
         draws - len(kept), noise, given, given_orders, np.array(whole, dtype=np.int64),
-        centres=_centres(found, undisturbed),
-    )  # fmt: skip
+        centres=_centres(found, undisturbed), estimate=_estimate(found, undisturbed),
+    )._about_estimate()  # fmt: skip
 
 
 def _undisturbed_manoeuvre(
@@ -409,8 +436,8 @@ def _first_rpm(model: Model, manoeuvre: Any) -> float:
     return float(manoeuvre.start.get("n_cmd", usual))
 
 
-def _enough(name: str, kept: int, draws: int) -> None:
-    if kept < (1.0 - MOST_DIVERGED) * draws:
+def _enough(name: str, kept: int, draws: int, most_diverged: float = MOST_DIVERGED) -> None:
+    if kept < max((1.0 - most_diverged) * draws, 1):
         raise ModelError(
             f"{name}: {draws - kept} of {draws} draws diverge; the coefficients are too uncertain to predict "
             "this run"

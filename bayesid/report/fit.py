@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.failed_checks import MOST_RUNS as MOST_NAMED
 from bayesid.diagnosis.failed_checks import prediction_step
 from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.likelihood.predictive_check import MISSED, missed
@@ -20,12 +21,13 @@ from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.measures.angle_errors import turns_note
 from bayesid.model.terms import TERMS, term
 from bayesid.prediction.fitted_model import Calibration
+from bayesid.prediction.prediction import MOST_DIVERGED
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
-from bayesid.words import counted
+from bayesid.words import counted, first_few
 
 MISFIT = 3.0  # residuals of so many times the noise are not noise
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
@@ -283,6 +285,20 @@ def calibration_words(calibration: Calibration) -> str:
     )
 
 
+def diverging_words(calibration: Calibration) -> list[str]:
+    """Whether vehicles drawn from the covariance of the fit diverge, and what a prediction makes of it."""
+    if not calibration.diverge:
+        return []
+    ranked = sorted(calibration.diverge.items(), key=lambda item: -item[1])
+    told = first_few((f"{share:.0%} in `{run}`" for run, share in ranked), MOST_NAMED)
+    refused = ranked[0][1] > MOST_DIVERGED
+    what = "refuses such a run" if refused else "tells the estimate there, with the band of the others"
+    return [
+        f"Of vehicles drawn from the covariance of this fit some diverge ({told}): it reaches further than "
+        f"the estimate can be trusted, and `bayesid predict` {what}."
+    ]
+
+
 def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section]:
     """What the standard deviations rest on; nothing for a fit without a posterior."""
     posterior = found.posterior
@@ -314,7 +330,7 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     text += [*_ridge_words(found.fit), *form_words(found.fit), *posterior.doubts()]
     text += predictive_words(found.fit)
     if calibration is not None:
-        text.append(calibration_words(calibration))
+        text += [calibration_words(calibration), *diverging_words(calibration)]
     blocks = [Text(" ".join(text)), *_predictive_table(found.fit)]
     return [Section("What the standard deviations rest on", blocks)]
 

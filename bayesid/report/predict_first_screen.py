@@ -27,7 +27,9 @@ MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
 ALL = 0.995  # share of the vehicles drawn that is printed as all
 ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
 SAME = 1e-7  # width of a band, over its ends, that is rounding
-AS_GIVEN = "coefficients as given"  # what is told of a prediction whose coefficients are not fitted
+# What is told: of coefficients that are not fitted, of a fit of whose draws some diverge, of all others.
+AS_GIVEN, ESTIMATE, MEAN = "coefficients as given", "estimate of the fit", "mean of the draws"
+PREDICTED, DIVERGES = "predicted", "diverges"  # what the estimate of a fit does
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
 # What a helmsman asks of a turn and of a zig-zag.
@@ -81,18 +83,21 @@ class _Error:
         self.name, self.unit, self.what = name, unit, what
 
 
-def _errors(row: Numbers) -> list[_Error]:
+def _errors(row: Numbers, of: str = "rms") -> list[_Error]:
+    """Errors of what is told, or of another of the vehicles that are simulated."""
     against = row["against_readings"]
     out = []
     if {"x", "y"} <= set(against):
         x, y = against["x"], against["y"]
         given = math.hypot(x.get("rms_given", math.nan), y.get("rms_given", math.nan))
         inside = 0.5 * (x["inside"] + y["inside"])
-        out.append(_Error("position", "m", (math.hypot(x["rms"], y["rms"]), given, inside)))
+        out.append(
+            _Error("position", "m", (math.hypot(x.get(of, math.nan), y.get(of, math.nan)), given, inside))
+        )
     if "psi" in against:
         psi = against["psi"]
         given = DEGREE * psi.get("rms_given", math.nan)
-        out.append(_Error("heading", "degrees", (DEGREE * psi["rms"], given, psi["inside"])))
+        out.append(_Error("heading", "degrees", (DEGREE * psi.get(of, math.nan), given, psi["inside"])))
     return out
 
 
@@ -137,6 +142,51 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
         reach = 0.5 * math.hypot(width["x"], width["y"])
         return f"Predicted for {name}: the position is known to {number(reach)} m (95 %) at worst."
     return f"{name} is predicted with a 95 % band."
+
+
+def told_by(p: Prediction) -> str:
+    """Which vehicle, or mean of vehicles, a prediction is told by."""
+    if not p.centres:
+        return MEAN
+    return AS_GIVEN if p.estimate is None else ESTIMATE
+
+
+def estimate_words(row: Numbers, draws: int) -> str:
+    """What the estimate of a fit alone predicts, what is told instead, and what it means that draws diverge;
+    empty where the prediction is of a diagnosis.
+
+    Parameters
+    ----------
+    draws : vehicles drawn, those that diverge among them
+    """
+    if row["estimate"] is None:
+        return ""
+    lost, drawn = row["diverged"], f"{draws - row['diverged']} vehicles drawn about it"
+    if row["told"] == ESTIMATE:
+        mean = _missed(row, "mean")
+        off = f" ({mean} off)" if mean else ""
+        return (
+            f"Told is the estimate alone, as `bayesid fit` simulates it: of {draws} vehicles drawn about it "
+            f"{lost} diverge{'s' if lost == 1 else ''}. The mean of the others is another track{off}, and "
+            "the band, which is theirs, is less wide than the covariance of the fit makes it."
+        )
+    if row["estimate"] == DIVERGES:
+        gone = f", as {'does' if lost == 1 else 'do'} {lost} more, left out" if lost else ""
+        return f"The estimate alone diverges{gone}; told is the mean of {drawn}."
+    alone = "The estimate alone, as `bayesid fit` simulates it"
+    if missed := _missed(row, "estimate"):
+        return f"{alone}, misses the log by {missed}; told is the mean of {drawn}."
+    measures = [
+        f"{m['quantity']} {number(m['estimate'])} {m['unit']}"
+        for m in _telling(row)
+        if m.get("estimate") is not None
+    ][:MOST_MEASURES]
+    return f"{alone}: {', '.join(measures)}; told is the mean of {drawn}." if measures else ""
+
+
+def _missed(row: Numbers, by: str) -> str:
+    """ "5.3 m and 22 degrees": errors of another vehicle than the one told, empty where no log is read."""
+    return " and ".join(f"{number(e.what[0])} {e.unit}" for e in _errors(row, f"rms_{by}"))
 
 
 def as_given_words(spread: tuple[float, float] | None, diverging: Sequence[str] = ()) -> str:
