@@ -23,7 +23,10 @@ def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posteri
     others = ",".join(name for name in model.effects if name != "ocean_current")
     line = ["diagnose", str(tmp_path / "pond"), "--vehicle", "generic_sub", "--prior", "0.02"]
     assert run([*line, "--exclude", others, "--out", str(tmp_path / "out")]) == 0
-    assert "verdict: effect" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "verdict: effect" in said
+    assert f"`bayesid predict {tmp_path / 'pond'} " in said and f"--model {tmp_path / 'out'}`" in said
+    assert "BUNDLE" not in said + (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert record["posterior"]["converged"], record["posterior"]["reasons"]
     posterior = load_posterior(tmp_path / "out" / "posterior.nc")

@@ -34,6 +34,7 @@ from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
+from bayesid.places import NOWHERE, Places, places_of
 from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.input import check_record, in_order_line
@@ -113,6 +114,7 @@ def diagnose(
         what cannot be read, or nothing to identify from
     """
     kept = None if journal is None else Path(journal) / JOURNAL
+    places = places_of(trial, journal, data, effects)
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)
@@ -131,7 +133,7 @@ def diagnose(
             )  # fmt: skip
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
-        return DiagnoseResult(found, checked, fits)
+        return DiagnoseResult(found, checked, fits, places)
 
     def of_mended(checked: InputCheck, result: DiagnoseResult) -> InputResult:
         untold: list[str] = []
@@ -203,6 +205,7 @@ class DiagnoseResult(Result):
     found: Diagnosis
     checked: InputCheck = field(default_factory=InputCheck)
     journal: FitJournal | None = None
+    places: Places = NOWHERE
 
     @property
     def verdict(self) -> str:
@@ -240,7 +243,7 @@ class DiagnoseResult(Result):
         return table(EFFECT_COLUMNS, rows)
 
     def report(self) -> Report:
-        return diagnosis_report(self.found.result)
+        return diagnosis_report(self.found.result, self.places)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target = Path(folder)
@@ -250,11 +253,11 @@ class DiagnoseResult(Result):
             write_diagnosed(diagnosed_model_of(self.found), target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
-        report = write_diagnosis_report(self.found.result, target)
+        report = write_diagnosis_report(self.found.result, target, self.places.written(target))
         if self.journal is not None:
             self.journal.clear()
         return report
 
     def summary(self, verbose: bool = False) -> str:
         lines = (in_order_line(self.checked), *(f"but {text}" for text in self.checked.left_open))
-        return "\n".join([*filter(None, lines), summary(self.found.result, verbose)])
+        return "\n".join([*filter(None, lines), summary(self.found.result, verbose, self.places)])

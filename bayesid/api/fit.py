@@ -30,6 +30,7 @@ from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
+from bayesid.places import NOWHERE, Places, places_of
 from bayesid.prediction.fitted_model import Calibration, diverging_draws, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
@@ -148,19 +149,20 @@ def fit(
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
             say=(lambda text: shown.note(f"{out}: {text}")) if resume else None,
         )  # fmt: skip
+    places = places_of(trial, out, data, effects)
     if out is not None:
         remove_fitted(out)  # it would predict with the coefficients of the fit before
     if out is None or quick or found.posterior is None:
-        return FitResult(found)
+        return FitResult(found, places=places)
     try:
         with shown.stage("predict the fitted runs") as stage:
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
             lost = diverging_draws(model, found.trial.holdout or found.trial.identify, seed=seed)
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
-        return FitResult(found)
+        return FitResult(found, places=places)
     write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
-    return FitResult(found, replace(calibration, diverge=lost))
+    return FitResult(found, replace(calibration, diverge=lost), places)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -175,6 +177,7 @@ class FitResult(Result):
 
     found: TrialFit
     calibration: Calibration | None = None
+    places: Places = NOWHERE
 
     @property
     def success(self) -> bool:
@@ -216,10 +219,10 @@ class FitResult(Result):
         return table(COLUMNS, self.coefficients()).set_index("coefficient")
 
     def report(self) -> Report:
-        return fit_report(self.found, self.calibration)
+        return fit_report(self.found, self.calibration, self.places)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return write_fit_report(self.found, folder, self.calibration)
+        return write_fit_report(self.found, folder, self.calibration, self.places.written(folder))
 
     def record(self) -> Mapping[str, Any]:
         found, result = self.found, self.found.fit

@@ -19,6 +19,7 @@ from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import FitProblem, coefficient_set, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
+from bayesid.places import NOWHERE, Places, places_of
 from bayesid.progress import Progress
 from bayesid.report import identify as words
 from bayesid.report import identify_first_screen as screen
@@ -122,7 +123,7 @@ def identify(
     if profile and not quick:
         with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
             behaviour = _behaviour(problem, found, seed, stage.step)
-    return IdentifyResult(found, facts, behaviour, ship)
+    return IdentifyResult(found, facts, behaviour, ship, places_of(trial, out, data))
 
 
 def _with_least_noise(problem: FitProblem) -> tuple[FitProblem, list[str]]:
@@ -170,16 +171,19 @@ class IdentifyResult(Result):
     facts: Mapping[str, Any]
     behaviour: tuple[Derived, Derived] | None
     vehicle: Vehicle
+    places: Places = NOWHERE
 
     def to_dataframe(self) -> pandas.DataFrame:
         rows = words.coefficient_rows(self.found, self.vehicle)
         return table(words.COEFFICIENT_COLUMNS, rows).set_index(words.COEFFICIENT_COLUMNS[0])
 
     def report(self) -> Report:
-        return words.identify_report(self.found, self.facts, self.behaviour, self.vehicle)
+        return words.identify_report(self.found, self.facts, self.behaviour, self.vehicle, self.places)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return words.write_identify_report(self.found, self.facts, Path(folder), self.behaviour, self.vehicle)
+        return words.write_identify_report(
+            self.found, self.facts, Path(folder), self.behaviour, self.vehicle, self.places
+        )
 
     def record(self) -> Mapping[str, Any]:
         extra = {"derived": words.derived_numbers(*self.behaviour)} if self.behaviour else {}
@@ -204,7 +208,7 @@ class IdentifyResult(Result):
         lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
-        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found))]
+        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, self.places))]
         return "\n".join(lines)
 
     def _open(self, verbose: bool) -> list[str]:

@@ -14,6 +14,7 @@ from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
     NO_MODEL,
     diverging,
+    example_of,
     explanation,
     failures,
     prediction_step,
@@ -42,6 +43,7 @@ from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.diagnosis.unnamed_words import unnamed_words
 from bayesid.model.effects import CATALOGUE
+from bayesid.places import NOWHERE, Places
 from bayesid.words import first_few
 
 RMS = " (rms)"
@@ -87,8 +89,8 @@ class Answer:
     steps: tuple[str, ...]
 
 
-def answer(result: Result) -> Answer:
-    """The answer of a result."""
+def answer(result: Result, places: Places = NOWHERE) -> Answer:
+    """The answer of a result, with commands for where it lies."""
     shown = result.runs[0] if result.runs else None
     return Answer(
         mistake_sentence(result) + _headline(result),
@@ -100,7 +102,7 @@ def answer(result: Result) -> Answer:
         explained_words(result),
         moved_words(result),
         (*mistake_certainty(result), *_certainty(result)),
-        (*mistake_steps(result), *_steps(result)),
+        (*mistake_steps(result), *_steps(result, places)),
     )
 
 
@@ -407,7 +409,7 @@ def _proof(result: Result) -> str:
     return f"{of} {better} are predicted no worse{beside}."
 
 
-def _steps(result: Result) -> tuple[str, ...]:
+def _steps(result: Result, places: Places) -> tuple[str, ...]:
     out = []
     if result.verdict in NAMING:
         for e in result.effects:
@@ -427,17 +429,19 @@ def _steps(result: Result) -> tuple[str, ...]:
         if not retuned(result) and not as_given(result) and result.effects:
             names = ",".join(e.name for e in result.effects)
             if not {e.name for e in result.effects} <= {e.name for e in CATALOGUE}:
-                names += " --effects FILE"
+                names += places.effects or " --effects FILE"
             out.append(
-                f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit BUNDLE "
-                f"--with {names} --out FOLDER` finds both, and says how they predict a run that is held out."
+                f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit "
+                f"{places.trial} --with {names} --out {places.beside('fit')}` finds both, and says how they "
+                "predict a run that is held out."
             )
     elif (
         result.verdict in ("none", "coefficients")
         and result.runs
         and closes(error_rows(result.runs[0]), 0, 1)
     ):
-        out.append(f"Re-tune: `bayesid fit BUNDLE{freeing(result)} --out FOLDER` writes the vehicle file.")
+        command = f"bayesid fit {places.trial}{freeing(result)} --out {places.beside('fit')}"
+        out.append(f"Re-tune: `{command}` writes the vehicle file.")
     elif result.rule == MOTION_EVENT:
         held = all(e.kind == "stuck" for e in result.events if e.unexplained)
         apart = "with its order held then" if held else "without that time"
@@ -457,7 +461,7 @@ def _steps(result: Result) -> tuple[str, ...]:
         orders = f": {best.orders}" if best.orders else ""
         told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
         out.append(f"Run next: {told}; it tells best what is still open.")
-    return (*out, prediction_step(_why_not(result)))
+    return (*out, prediction_step(_why_not(result), places=places, example=example_of(result)))
 
 
 def _why_not(result: Result) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -129,7 +130,8 @@ def _why_missing(folder: Path) -> str:
         )
     if (folder / "diagnosis.json").exists():
         return "the diagnosis in this folder could not make one; the notes of its report say why"
-    return "`bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit BUNDLE --out FOLDER` write it"
+    out = shlex.quote(os.fspath(folder))
+    return f"`bayesid diagnose BUNDLE --out {out}` and `bayesid fit BUNDLE --out {out}` write it"
 
 
 def remove_fitted(folder: str | os.PathLike[str]) -> None:

@@ -6,6 +6,7 @@ Takes a `Result`. Does not compute or draw.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping
 
 from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
@@ -13,6 +14,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+from bayesid.places import NOWHERE, Places
 from bayesid.words import first_few
 
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
@@ -87,13 +89,33 @@ def diverging(result: Result) -> list[str]:
     return [run.run for run in lost]
 
 
-def prediction_step(why_not: str = "", model_written: bool = True) -> str:
-    """What to do next with what was written: predict, or not."""
+def prediction_step(
+    why_not: str = "", model_written: bool = True, places: Places = NOWHERE, example: str = "MANOEUVRE"
+) -> str:
+    """What to do next with what was written: predict, or not.
+
+    Parameters
+    ----------
+    example : a run or manoeuvre, as it is typed
+    """
     if not model_written and not why_not:
-        return "To predict, fit without --quick and with --out: that writes what `bayesid predict` reads."
+        out = places.folder or places.beside("fit")
+        return (
+            f"To predict, fit without --quick and with --out {out}: that writes what `bayesid predict` reads."
+        )
     if why_not:
-        return f"Do not predict with THIS_FOLDER: {why_not}."
-    return "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
+        return f"Do not predict with {places.folder or 'it'}: {why_not}."
+    if not places.folder:
+        return f"To predict, give --out {places.beside('gap')}: that writes what `bayesid predict` reads."
+    command = f"bayesid predict {places.trial} {shlex.quote(example)} --model {places.folder}{places.effects}"
+    return f"`{command}` says, with a band, what to expect; `bayesid manoeuvre list` has more to ask for."
+
+
+def example_of(result: Result) -> str:
+    """A manoeuvre or run to predict: the one that is proposed, else the run that is shown."""
+    if result.next_manoeuvre:
+        return result.next_manoeuvre[0].typed
+    return result.runs[0].run if result.runs else "MANOEUVRE"
 
 
 def far_off(result: Result) -> str:

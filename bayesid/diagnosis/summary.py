@@ -14,6 +14,7 @@ from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.moved_words import moved_title
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
+from bayesid.places import NOWHERE, Places
 
 _SIGNED_ZERO = re.compile(r"(?<![\w.])[+-](0(?:\.0+)?)(?!\.?\d)")
 
@@ -29,9 +30,9 @@ def notes(result: Result) -> tuple[str, ...]:
     return tuple(w for w in result.warnings if w != drawn)
 
 
-def summary(result: Result, verbose: bool = False) -> str:
+def summary(result: Result, verbose: bool = False, places: Places = NOWHERE) -> str:
     """Answer, failed checks, errors three ways, how sure, what next, notes; `verbose` adds the evidence."""
-    a = answer(result)
+    a = answer(result, places)
     out = [a.headline]
     if a.outcome:
         out.append(a.outcome)

@@ -5,6 +5,7 @@ Takes a `TrialFit`. Does not fit or simulate.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,8 @@ from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.measures.angle_errors import turns_note
 from bayesid.model.terms import TERMS, term
+from bayesid.model.vehicles.sufficient import has_rudder
+from bayesid.places import NOWHERE, Places
 from bayesid.prediction.fitted_model import Calibration
 from bayesid.prediction.prediction import MOST_DIVERGED
 from bayesid.report import coefficient_cells, writer
@@ -29,6 +32,7 @@ from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.words import counted, first_few
 
+USUAL_TURN = 20.0  # degrees of rudder
 MISFIT = 3.0  # residuals of so many times the noise are not noise
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
 MOST_CHANNELS = 3  # named one by one where they miss a kind of motion
@@ -43,7 +47,10 @@ _SHARES = {
 
 
 def write_fit_report(
-    found: TrialFit, folder: str | os.PathLike[str], calibration: Calibration | None = None
+    found: TrialFit,
+    folder: str | os.PathLike[str],
+    calibration: Calibration | None = None,
+    places: Places = NOWHERE,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
@@ -67,10 +74,10 @@ def write_fit_report(
             for r in found.runs
         ],
     }  # fmt: skip
-    return writer.write(fit_report(found, calibration), folder, results)
+    return writer.write(fit_report(found, calibration, places), folder, results)
 
 
-def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Report:
+def fit_report(found: TrialFit, calibration: Calibration | None = None, places: Places = NOWHERE) -> Report:
     """The report as plain data."""
     sections = [
         _coefficients(found),
@@ -86,7 +93,7 @@ def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Repor
         lead,
         sections,
         failed_checks(found),
-        first_screen.first_blocks(found, next_steps(found, calibration is not None)),
+        first_screen.first_blocks(found, next_steps(found, calibration is not None, places)),
     )
 
 
@@ -113,7 +120,7 @@ def _verdict_words(found: TrialFit) -> str:
     )
 
 
-def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
+def next_steps(found: TrialFit, model_written: bool = True, places: Places = NOWHERE) -> list[str]:
     """What to do with this fit; `model_written` where `bayesid predict` finds its model."""
     out = []
     if not found.fit.converged:
@@ -123,12 +130,15 @@ def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
         )
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(
-            "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design BUNDLE`."
+            "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design "
+            f"{places.trial}`."
         )
     if not any(r.role == "holdout" for r in found.runs):
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
-        out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
+        out.append(
+            f"Residuals are several times the noise: `bayesid diagnose {places.trial}` asks for the cause."
+        )
     why_not = "" if found.fit.converged else "its search did not converge"
     if holdout_words(found.runs):
         why_not = "it predicts held-out runs worse than the vehicle as given"
@@ -136,7 +146,15 @@ def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
         why_not = "no real vehicle has its coefficients"
     if first_screen.diverging(found):
         why_not = "its simulation diverges"
-    return [*out, prediction_step(why_not, model_written)]
+    return [*out, prediction_step(why_not, model_written, places, _example(found))]
+
+
+def _example(found: TrialFit) -> str:
+    """A turn the vehicle can make, or a run of the trial where it has no rudder."""
+    if not has_rudder(found.vehicle):
+        return found.trial.runs[0].name
+    most = math.degrees(found.vehicle.limits.get("delta_r", math.inf))
+    return f"turn:{math.floor(min(USUAL_TURN, most))}" if most >= 1.0 else f"turn:{most:.6g}"
 
 
 def noise_of(runs: tuple[RunOutcome, ...]) -> float:

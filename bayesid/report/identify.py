@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.analysis.identifiability import Derived, Identifiability, OpenDirection
 from bayesid.analysis.identifiability.derived import UNITS
 from bayesid.model.vehicles import Vehicle
+from bayesid.places import NOWHERE, Places
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import identify_figures as figures
 from bayesid.report import identify_first_screen as screen
@@ -34,6 +35,7 @@ def write_identify_report(
     folder: str | os.PathLike[str],
     behaviour: tuple[Derived, Derived] | None = None,
     vehicle: Vehicle | None = None,
+    places: Places = NOWHERE,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file.
 
@@ -46,7 +48,7 @@ def write_identify_report(
     results = {"inputs": dict(facts), "identifiability": numbers(found)}
     if behaviour is not None:
         results["derived"] = derived_numbers(*behaviour)
-    return writer.write(identify_report(found, facts, behaviour, vehicle), folder, results)
+    return writer.write(identify_report(found, facts, behaviour, vehicle, places), folder, results)
 
 
 def identify_report(
@@ -54,6 +56,7 @@ def identify_report(
     facts: Mapping[str, Any],
     behaviour: tuple[Derived, Derived] | None = None,
     vehicle: Vehicle | None = None,
+    places: Places = NOWHERE,
 ) -> Report:
     """The report as plain data."""
     lead = " ".join(
@@ -64,7 +67,7 @@ def identify_report(
         sections.insert(0, derived_section(*behaviour))
     return Report(
         f"What {literal(facts['trial'])} can tell", lead, sections,
-        first=screen.first_blocks(found),
+        first=screen.first_blocks(found, places),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from bayesid.analysis.identifiability import Derived, Identifiability
 from bayesid.analysis.identifiability.derived import UNITS
 from bayesid.diagnosis.plain_words import number
+from bayesid.places import NOWHERE, Places
 from bayesid.report import identify_figures as figures
 from bayesid.report.writer import Block, Figure, Section, Text, literal
 from bayesid.words import first_few
@@ -70,13 +71,13 @@ def named(names: list[str]) -> str:
     return first_few(names, MOST_NAMED)
 
 
-def next_steps(found: Identifiability) -> list[str]:
+def next_steps(found: Identifiability, places: Places = NOWHERE) -> list[str]:
     """What to do about what is open."""
     if not found.directions:
-        return ["`bayesid fit` gives the coefficients with intervals that hold singly."]
+        return [f"`bayesid fit {places.trial}` gives the coefficients with intervals that hold singly."]
     steps = [
-        "`bayesid design BUNDLE` looks for the manoeuvre that shrinks what is open most, `bayesid compare "
-        "BUNDLE` says what each standard manoeuvre adds.",
+        f"`bayesid design {places.trial}` looks for the manoeuvre that shrinks what is open most, `bayesid "
+        f"compare {places.trial}` says what each standard manoeuvre adds.",
         "For a simulator of this vehicle in this kind of motion use all coefficients of one fit together; do "
         "not take single ones over to another vehicle.",
     ]
@@ -88,7 +89,7 @@ def next_steps(found: Identifiability) -> list[str]:
     return steps
 
 
-def first_blocks(found: Identifiability) -> list[Block]:
+def first_blocks(found: Identifiability, places: Places = NOWHERE) -> list[Block]:
     """The picture of coefficients, and what next."""
     share, contraction = (np.array([getattr(e, k) for e in found.entries]) for k in ("index", "contraction"))
     drawn = figures.index(found.names, share, contraction, [e.verdict for e in found.entries])
@@ -99,5 +100,5 @@ def first_blocks(found: Identifiability) -> list[Block]:
     )
     return [
         Figure("index", drawn, caption, alt="Share of the data per coefficient"),
-        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found)))]),
+        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found, places)))]),
     ]

@@ -6,9 +6,12 @@ Takes a `Result`. Does not compute.
 from __future__ import annotations
 
 import math
+import shlex
 
+from bayesid.diagnosis.failed_checks import example_of
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import notes
+from bayesid.places import NOWHERE, Places
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -61,7 +64,7 @@ def ambiguity_blocks(result: Result) -> list[Block]:
     return blocks
 
 
-def next_blocks(result: Result) -> list[Block]:
+def next_blocks(result: Result, places: Places = NOWHERE) -> list[Block]:
     """Manoeuvres to execute next, best first."""
     if not result.next_manoeuvre:
         return [Text(f"No manoeuvre was ranked: {_why_none(result)}")]
@@ -69,13 +72,17 @@ def next_blocks(result: Result) -> list[Block]:
         [in_words(p.name), round(p.duration), literal(p.orders), literal(p.typed)]
         for p in result.next_manoeuvre
     ]
+    predict = (
+        f"bayesid predict {places.trial} {shlex.quote(example_of(result))} --model "
+        f"{places.folder or places.beside('gap')}{places.effects}"
+    )
     return [
         Text(
             "Best first: what tells the causes still possible apart, or shows a usual effect where none is. "
-            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what each would show."
+            f"`{predict}` says, with a band, what the first would show, and likewise the others."
         ),
         Table(
-            ["manoeuvre", "duration [s]", "what is ordered", "MANOEUVRE as typed"],
+            ["manoeuvre", "duration [s]", "what is ordered", "as typed"],
             rows,
             "Sized for this vehicle. `bayesid manoeuvre list` explains what can be typed.",
         ),

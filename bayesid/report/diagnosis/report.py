@@ -11,6 +11,7 @@ from pathlib import Path
 
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.result import Result
+from bayesid.places import NOWHERE, Places
 from bayesid.report import writer
 from bayesid.report.diagnosis import effect_posterior
 from bayesid.report.diagnosis.cause import description_sections, force_blocks
@@ -21,7 +22,7 @@ from bayesid.report.diagnosis.model_form import form_sections
 from bayesid.report.writer import Report, Section, literal
 
 
-def write_diagnosis_report(result: Result, folder: str | os.PathLike[str]) -> Path:
+def write_diagnosis_report(result: Result, folder: str | os.PathLike[str], places: Places = NOWHERE) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
         "inputs": {
@@ -34,12 +35,12 @@ def write_diagnosis_report(result: Result, folder: str | os.PathLike[str]) -> Pa
         "seeds": [result.seed],
         "diagnosis": result.record(),
     }
-    return writer.write(diagnosis_report(result), folder, results)
+    return writer.write(diagnosis_report(result, places), folder, results)
 
 
-def diagnosis_report(result: Result) -> Report:
+def diagnosis_report(result: Result, places: Places = NOWHERE) -> Report:
     """The report as plain data."""
-    a = answer(result)
+    a = answer(result, places)
     lead = f"**{literal(a.headline)}**" + (f"\n\n{literal(a.outcome)}" if a.outcome else "")
     force = force_blocks(result)
     sections = [
@@ -51,7 +52,7 @@ def diagnosis_report(result: Result) -> Report:
         *form_sections(result),
         *description_sections(result),
         Section("What these runs can tell apart", ambiguity_blocks(result)),
-        Section("Manoeuvres to run next", next_blocks(result)),
+        Section("Manoeuvres to run next", next_blocks(result, places)),
         Section("Data, environment and notes", notes_blocks(result)),
         Section("Appendix: evidence, thresholds and method", appendix_blocks(result)),
     ]
