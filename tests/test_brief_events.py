@@ -61,7 +61,7 @@ def fitted(trial):
 
 
 def found_in(problem, none, least, tight=False):
-    return brief_events(sought_in(problem, none.fit.free, none.fit.followed), least, tight)
+    return brief_events(sought_in(problem, none.fit.free, none.fit.followed), lambda: least, tight)
 
 
 def events_of(acts, size=SIZE, least=0.0):

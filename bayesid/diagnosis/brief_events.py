@@ -7,7 +7,7 @@ short time only is neither, unless the motion of that time was flown once. Leave
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,12 +38,12 @@ MOST_ERRORS = 8
 TOLD = 2.0
 
 
-def brief_events(sought: Sought, least: float, tight: bool = False) -> tuple[Event, ...]:
+def brief_events(sought: Sought, least: Callable[[], float], tight: bool = False) -> tuple[Event, ...]:
     """Events beside an explanation; none where together they gain less than what would do instead of them.
 
     Parameters
     ----------
-    least : log evidence that they have to gain together
+    least : log evidence that they have to gain together, asked for where they gain enough by themselves
     tight : with the times of what they look like, not with all that a free signal takes
 
     Raises
@@ -73,7 +73,7 @@ def brief_events(sought: Sought, least: float, tight: bool = False) -> tuple[Eve
             return ()
     while motions:
         kept = _repeatable(sought, errors, motions)
-        if kept >= BRIEF_EVENT_EVIDENCE * len(motions) and kept > least:
+        if kept >= BRIEF_EVENT_EVIDENCE * len(motions) and kept > least():
             share = kept / sum(f.gain for f in motions)
             return tuple(
                 replace(e, evidence=share * e.evidence) for e in _told(sought, errors, motions, tight)

@@ -39,7 +39,7 @@ def described(compared: Compared) -> tuple[Event, ...]:
     free = GaussianPrior(fitted.free.names, fitted.free.where, fitted.values, fitted.sd, fitted.free.low)
     points = [replace(point, par=fitted.par) for point in uncut.path]
     with_rest = replace(uncut, environment=compared.problem.environment)
-    again = brief_events(sought_in(with_rest, free, points), -np.inf, tight=True)
+    again = brief_events(sought_in(with_rest, free, points), lambda: -np.inf, tight=True)
     return _anew(known, again)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from numpy.linalg import LinAlgError
 
@@ -145,13 +146,13 @@ def _left(
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:
-    if brief := brief_events(sought, force_left(found)):
+    if brief := brief_events(sought, cache(lambda: force_left(found))):  # costs as much as the search
         return brief
     if found.problem.form is None or not found.formless:
         return ()
     formless = max(found.formless, key=lambda c: c.log_evidence)
     more = best.log_evidence - formless.log_evidence
-    return brief_events(sought_in(found.problem, formless.fit.free, formless.fit.followed), more)
+    return brief_events(sought_in(found.problem, formless.fit.free, formless.fit.followed), lambda: more)
 
 
 def _named(events: Sequence[Event]) -> str:
