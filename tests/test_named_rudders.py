@@ -170,6 +170,8 @@ PORT, STARBOARD, SIDEWAYS = (-5.0, -0.9, 0.4), (-5.0, 0.9, 0.4), (0.0, 1.0, 0.0)
     [
         ((PORT, SIDEWAYS), (STARBOARD, SIDEWAYS), True),
         ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, 0.8, -0.6)), True),
+        ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, -0.8, 0.6)), True),
+        ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, 0.8, 0.6)), False),
         ((PORT, (0.0, 0.8, 0.6)), (STARBOARD, (0.0, 0.6, 0.8)), False),
         ((PORT, SIDEWAYS), (PORT, SIDEWAYS), False),
         ((PORT, SIDEWAYS), ((-4.0, 0.9, 0.4), SIDEWAYS), False),

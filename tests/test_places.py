@@ -11,9 +11,8 @@ from bayesid.cli.main import run
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.failed_checks import prediction_step
 from bayesid.diagnosis.next_manoeuvre import Proposal
+from bayesid.model.vehicles.reading import BUILTIN_FOLDER
 from bayesid.places import NOWHERE, Places, places_of
-from bayesid.report.diagnosis.limits import next_blocks
-from bayesid.report.writer import Text
 from bayesid.trials import load_trial
 
 
@@ -67,7 +66,7 @@ def test_a_diagnosis_proposes_the_manoeuvre_it_ranks_first_for_its_own_folder():
     ]
     assert commands(step)[0] == expected
     other = replace(found, next_manoeuvre=(Proposal("zigzag 20/20", 300.0, 1.0, 2.0, typed="zigzag:20/20"),))
-    typed = [c for b in next_blocks(other, places) if isinstance(b, Text) for c in commands(b.body)]
+    typed = commands(answer(other, places).steps[-1])
     assert typed and typed[0][5] == "zigzag:20/20"
 
 
@@ -78,6 +77,16 @@ def test_a_folder_that_is_proposed_is_not_there_yet(tmp_path):
     (tmp_path / "fit_2").mkdir()
     assert places.beside("fit") == str(tmp_path / "fit_3")
     assert NOWHERE.beside("fit") == "FOLDER"
+    (tmp_path / "trial.toml").touch()
+    assert places_of(tmp_path / "trial.toml", None).beside("gap") == str(tmp_path / "gap")
+
+
+def test_a_vehicle_given_beside_the_trial_is_given_to_the_next_step_too(pond, capsys, tmp_path):
+    own = tmp_path / "own ship.toml"
+    own.write_text((BUILTIN_FOLDER / "remus100.toml").read_text("utf-8"), "utf-8")
+    assert run(["identify", str(pond), "--vehicle", str(own), "--free", "N_r|r|,Y_v|v|,Y_v|r|,Y_r|r|"]) == 0
+    out = capsys.readouterr().out
+    assert f"bayesid design {shlex.quote(str(pond))} --vehicle {shlex.quote(str(own))} " in out
 
 
 def test_where_nothing_was_written_the_step_says_what_writes_it(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bayesid.api.inputs import model_of
-from bayesid.diagnosis.input import check_trial
+from bayesid.diagnosis.input import check_trial, mended
 from bayesid.diagnosis.input.measured_wind import check_wind
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
@@ -169,7 +169,7 @@ def test_a_reading_that_cannot_be_tested_is_not_ruled_out(seed):
     assert not found.in_order and "apparent wind" in found.untested
     of_right = check_trial(few(right), model_of(right))
     assert not of_right.findings and not any("wind" in text for text in of_right.in_order)
-    assert any("needs the track or u and v" in text for text in of_right.unseen)
+    assert any("needs the track, or u and v" in text for text in of_right.unseen)
 
 
 def test_runs_that_contradict_one_another_are_told_and_nothing_is_mended():
@@ -177,6 +177,29 @@ def test_runs_that_contradict_one_another_are_told_and_nothing_is_mended():
     mixed = replace(right, runs=(right.runs[0], wrong.runs[1]))
     found = check_wind(mixed, model_of(mixed))
     assert found.finding is None and not found.in_order
+    first, second = (run.name for run in mixed.runs)
+    assert found.remark is not None and found.remark.index(second) < found.remark.index(f"{first} worse")
+
+
+def test_runs_that_contradict_along_one_path_alone_do_not_keep_a_mistake_from_being_named():
+    """Of the heading alone one of two runs, both read wrongly, speaks against it along the header's path."""
+    wrong = misread(circles(1), "wind_from: where it blows to")
+    runs = tuple(replace(r, data={"psi": r.data["psi"]}) for r in wrong.runs)
+    found = check_wind(replace(wrong, runs=runs), model_of(wrong))
+    assert found.remark is None and found.finding is not None
+    assert "wind_from: where it blows to" in (found.finding.name, *found.finding.also)
+
+
+def test_a_held_out_run_that_lacks_the_heading_does_not_keep_a_mistake_from_being_told():
+    wrong = misread(circles(1), "wind_from: from the bow")
+    run = wrong.runs[0]
+    data = {name: run.data[name] for name in ("x", "y")}
+    held = replace(run, name="held", role="holdout", data=data)
+    trial = replace(wrong, runs=(*wrong.runs, held))
+    check = check_trial(trial, model_of(trial))
+    assert check.findings
+    *_, left = mended(trial, check).runs
+    assert not left.exogenous and any("its wind is left out" in text for text in left.warnings)
 
 
 def test_the_air_past_the_vehicle_is_had_of_the_track_where_no_drift_is_logged():
@@ -223,6 +246,8 @@ HEADS = (
     ("AWS [m/s]", "AWA [deg]", 'wind = "apparent"'),
     ("App wind speed", "App wind angle", 'wind = "apparent"'),
     ("AWS [m/s]", "AWD [deg]", 'wind = "apparent by compass"'),
+    ("Wind speed [m/s]", "Rel wind direction [deg]", 'wind = "apparent"'),
+    ("TWS [m/s]", "TWA [deg]", 'wind = "from the bow"'),
     ("True wind speed", "True wind angle", 'wind = "from the bow"'),
     ("TWS [m/s]", "TWD", None),
 )

@@ -114,7 +114,7 @@ def diagnose(
         what cannot be read, or nothing to identify from
     """
     kept = None if journal is None else Path(journal) / JOURNAL
-    places = places_of(trial, journal, data, effects)
+    places = places_of(trial, journal, data, vehicle, effects)
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)

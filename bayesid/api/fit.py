@@ -149,7 +149,7 @@ def fit(
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
             say=(lambda text: shown.note(f"{out}: {text}")) if resume else None,
         )  # fmt: skip
-    places = places_of(trial, out, data, effects)
+    places = places_of(trial, out, data, vehicle, effects)
     if out is not None:
         remove_fitted(out)  # it would predict with the coefficients of the fit before
     if out is None or quick or found.posterior is None:

@@ -123,7 +123,7 @@ def identify(
     if profile and not quick:
         with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
             behaviour = _behaviour(problem, found, seed, stage.step)
-    return IdentifyResult(found, facts, behaviour, ship, places_of(trial, out, data))
+    return IdentifyResult(found, facts, behaviour, ship, places_of(trial, out, data, vehicle))
 
 
 def _with_least_noise(problem: FitProblem) -> tuple[FitProblem, list[str]]:

@@ -29,7 +29,7 @@ from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.prediction.disturbance_size import PredictedRun, best_sizes
 from bayesid.prediction.intervals import log_density, reading_errors, standard_errors
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.prediction import DivergingDraws, predict_run
 from bayesid.trials import Run
 from bayesid.trials.noise import raised, rough_noise
 
@@ -174,8 +174,10 @@ def diverging_draws(
     for run in spaced(runs, MOST_RUNS):
         try:
             lost = predict_run(model, run, draws, seed, most_diverged=1.0).lost
-        except ModelError:
+        except DivergingDraws:
             lost = draws
+        except BayesidError:  # it cannot be predicted for another reason, as one of a few samples
+            continue
         if lost:
             out[run.name] = lost / draws
     return out

@@ -436,9 +436,13 @@ def _first_rpm(model: Model, manoeuvre: Any) -> float:
     return float(manoeuvre.start.get("n_cmd", usual))
 
 
+class DivergingDraws(ModelError):
+    """More of the draws diverge than a prediction may lose."""
+
+
 def _enough(name: str, kept: int, draws: int, most_diverged: float = MOST_DIVERGED) -> None:
     if kept < max((1.0 - most_diverged) * draws, 1):
-        raise ModelError(
+        raise DivergingDraws(
             f"{name}: {draws - kept} of {draws} draws diverge; the coefficients are too uncertain to predict "
             "this run"
         )

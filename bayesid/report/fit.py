@@ -131,13 +131,13 @@ def next_steps(found: TrialFit, model_written: bool = True, places: Places = NOW
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(
             "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design "
-            f"{places.trial}`."
+            f"{places.fitted}`."
         )
     if not any(r.role == "holdout" for r in found.runs):
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
         out.append(
-            f"Residuals are several times the noise: `bayesid diagnose {places.trial}` asks for the cause."
+            f"Residuals are several times the noise: `bayesid diagnose {places.fitted}` asks for the cause."
         )
     why_not = "" if found.fit.converged else "its search did not converge"
     if holdout_words(found.runs):

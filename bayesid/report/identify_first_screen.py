@@ -74,10 +74,10 @@ def named(names: list[str]) -> str:
 def next_steps(found: Identifiability, places: Places = NOWHERE) -> list[str]:
     """What to do about what is open."""
     if not found.directions:
-        return [f"`bayesid fit {places.trial}` gives the coefficients with intervals that hold singly."]
+        return [f"`bayesid fit {places.fitted}` gives the coefficients with intervals that hold singly."]
     steps = [
-        f"`bayesid design {places.trial}` looks for the manoeuvre that shrinks what is open most, `bayesid "
-        f"compare {places.trial}` says what each standard manoeuvre adds.",
+        f"`bayesid design {places.fitted}` looks for the manoeuvre that shrinks what is open most, `bayesid "
+        f"compare {places.fitted}` says what each standard manoeuvre adds.",
         "For a simulator of this vehicle in this kind of motion use all coefficients of one fit together; do "
         "not take single ones over to another vehicle.",
     ]

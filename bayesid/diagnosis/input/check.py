@@ -16,8 +16,9 @@ from bayesid.diagnosis.input.simulator_instead import (
 )
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
-from bayesid.trials import Trial
-from bayesid.trials.correction import apply
+from bayesid.errors import TrialError
+from bayesid.trials import Run, Trial
+from bayesid.trials.correction import WIND, Correction, apply
 from bayesid.trials.handedness import handedness
 from bayesid.trials.mistakes import InputCheck, check_input
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
@@ -96,13 +97,24 @@ def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
     return found if wind.untested else replace(found, unseen=(*found.unseen, WIND_WORDS))
 
 
+def _mended_run(run: Run, correction: Correction) -> Run:
+    """The run with one mend; a held-out one that lacks what a wind is mended by is left without its wind."""
+    try:
+        return apply(correction, run)
+    except TrialError as error:
+        if run.role == "identify":
+            raise
+        kept = {name: values for name, values in run.exogenous.items() if name not in WIND}
+        return replace(run, exogenous=kept, warnings=(*run.warnings, f"its wind is left out: {error}"))
+
+
 def mended(trial: Trial, check: InputCheck) -> Trial:
     """The trial with every mend applied; held-out runs too where all runs have the mistake."""
     runs = []
     for run in trial.runs:
         for finding in check.findings:
             if finding.correction is not None:
-                run = apply(finding.correction, run)
+                run = _mended_run(run, finding.correction)
         runs.append(run)
     noise = dict(trial.noise)
     for finding in check.findings:

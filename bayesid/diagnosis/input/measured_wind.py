@@ -139,11 +139,11 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
             weights = _weights(told, prior, less)
     except (BayesidError, LinAlgError, ValueError, MemoryError):  # what ends this check, not a diagnosis
         return WindCheck(asked=True)
-    gains = _gains(told, prior, less)
+    split = _Split(problem, told, prior, less)
     untested = [one for one in readings if one.problem is None]
     best = max(w - _log_odds(one.mistake) for one, w in weights.items())
     weights |= {one: best + _log_odds(one.mistake) for one in untested}
-    found = _judged(weights, gains, [log.name for log in problem.logs])
+    found = _judged(weights, split, [log.name for log in problem.logs])
     return replace(found, untested=_lacking(untested, runs))
 
 
@@ -177,15 +177,43 @@ def _weights(
     return {one: _log_odds(one.mistake) + _summed(t.every, prior, less) for one, t in told.items()}
 
 
-def _gains(
-    told: Mapping[_Read, _Told], prior: Mapping[tuple[str, ...], float], less: float
-) -> dict[_Read, list[float]]:
-    """What every run alone says for a reading against the one of the header [nats]."""
-    each = {one: [_summed(alone, prior, less) for alone in t.alone] for one, t in told.items()}
-    as_read = next(values for one, values in each.items() if one.mistake is None)
-    return {
-        one: [a - b for a, b in zip(values, as_read, strict=True)] for one, values in each.items()
-    }  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """Whether runs contradict one another about a reading; which were tested is told by `told`."""
+
+    problem: DiagnosisProblem
+    told: Mapping[_Read, _Told]
+    prior: Mapping[tuple[str, ...], float]
+    less: float
+
+    def words(self, one: _Read, runs: Sequence[str]) -> str | None:
+        """A reading that some runs ask for and others contradict; None where none contradicts it.
+
+        Along the path of the header's wind, and along that of this reading where a fit with it arrives: a run
+        may be linearised far from what it asks for.
+        """
+        assert one.mistake is not None and one.problem is not None
+        as_read = next(each for each in self.told if each.mistake is None)
+        gains = self._gains(self.told[one], self.told[as_read])
+        if min(gains) > -SOME_RUNS or max(gains) < SOME_RUNS:
+            return None
+        path = _fitted(one.problem, ())
+        if path.converged:
+            there = self._gains(_along(one.problem, path), _along(self.problem, path))
+            gains = [min(a, b, key=abs) if a * b > 0.0 else 0.0 for a, b in zip(gains, there, strict=True)]
+        wrong = [name for name, gain in zip(runs, gains, strict=True) if gain > SOME_RUNS]
+        right = [name for name, gain in zip(runs, gains, strict=True) if gain < -SOME_RUNS]
+        if not wrong or not right:
+            return None
+        return (
+            f"{first_few(wrong, 3)} would be explained better if {one.mistake.says}, and "
+            f"{first_few(right, 3)} worse: look at the wind of each"
+        )
+
+    def _gains(self, one: _Told, as_read: _Told) -> list[float]:
+        """What every run alone says for a reading against the one of the header [nats]."""
+        pairs = zip(one.alone, as_read.alone, strict=True)
+        return [_summed(a, self.prior, self.less) - _summed(b, self.prior, self.less) for a, b in pairs]
 
 
 def _readings(problem: DiagnosisProblem, runs: Mapping[str, Run]) -> list[_Read]:
@@ -224,8 +252,12 @@ def _lacking(untested: Sequence[_Read], runs: Sequence[Run]) -> str:
     if not untested:
         return ""
     names = and_list([one.mistake.name for one in untested if one.mistake is not None])
-    heading = all("psi" in run.data for run in runs)
-    return f"{names} (needs {'the track or u and v' if heading else 'the heading'})"
+    needed = []
+    if not all("psi" in run.data for run in runs):
+        needed.append("the heading")
+    if not all({"x", "y"} <= set(run.data) or {"u", "v", "psi"} <= set(run.data) for run in runs):
+        needed.append("the track, or u and v")
+    return f"{names} (needs {and_list(needed)})"
 
 
 def _free(problem: DiagnosisProblem, effects: Sequence[str]) -> GaussianPrior:
@@ -281,32 +313,25 @@ def _with_fits(
     return out
 
 
-def _judged(
-    weights: Mapping[_Read, float], gains: Mapping[_Read, Sequence[float]], runs: Sequence[str]
-) -> WindCheck:
-    """What is said by the log weight of every reading, those among them that were not tested.
-
-    Parameters
-    ----------
-    gains : of the readings that were tested; what each run alone says for it [nats]
-    """
+def _judged(weights: Mapping[_Read, float], split: _Split, runs: Sequence[str]) -> WindCheck:
+    """What is said by the log weight of every reading, those among them that were not tested."""
     total = float(logsumexp(list(weights.values())))
     as_read = next(w - total for one, w in weights.items() if one.mistake is None)
     wrong = [(w - total, one) for one, w in weights.items() if one.mistake is not None]
-    wrong.sort(key=lambda each: (each[1] not in gains, -each[0]))
+    wrong.sort(key=lambda each: (each[1].problem is None, -each[0]))
     if -np.expm1(as_read) < NAMED_AT:
         # the motion alone, before what a mistake costs that nobody asked for
         left_open = [(w - _log_odds(one.mistake), one) for w, one in wrong if one.another]
-        tested = [each for each in left_open if each[1] in gains]
+        tested = [each for each in left_open if each[1].problem is not None]
         most, likeliest = max(tested, key=lambda each: each[0], default=(-np.inf, None))
         remark = None
         if likeliest is not None and most > as_read:
-            remark = _some_alone(likeliest, gains[likeliest], runs) or _either(likeliest)
+            remark = split.words(likeliest, runs) or _either(likeliest)
         turned = [w for w, one in left_open if one.mistake is not None and one.mistake.channels != SPEED]
         in_order = all(w < as_read - WIND_READ_SCATTER for w in turned)
         return WindCheck(asked=True, in_order=in_order, remark=remark)
     most, best = wrong[0]
-    if apart := _some_alone(best, gains[best], runs):
+    if apart := split.words(best, runs):
         return WindCheck(asked=True, remark=apart)
     assert best.mistake is not None
     near = [(w, one.mistake.name) for w, one in wrong[1:] if one.mistake is not None and w > most - ALSO]
@@ -317,19 +342,6 @@ def _judged(
         most - as_read,
     )  # fmt: skip
     return WindCheck(found, asked=True)
-
-
-def _some_alone(one: _Read, gains: Sequence[float], runs: Sequence[str]) -> str | None:
-    """A reading that some runs ask for and others contradict, in words; None where none contradicts it."""
-    assert one.mistake is not None
-    wrong = [name for name, gain in zip(runs, gains, strict=True) if gain > SOME_RUNS]
-    right = [name for name, gain in zip(runs, gains, strict=True) if gain < -SOME_RUNS]
-    if not wrong or not right:
-        return None
-    return (
-        f"{first_few(wrong, 3)} would be explained better if {one.mistake.says}, and {first_few(right, 3)} "
-        "worse: look at the wind of each"
-    )
 
 
 def _log_odds(mistake: Mistake | None) -> float:

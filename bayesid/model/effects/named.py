@@ -24,8 +24,8 @@ _WORDS = {
     "azimuth": "The thruster {} turns", "nozzle": "The nozzle {} turns", "bucket": "The bucket {} moves",
     "delta": "The fin {} turns",
 }  # fmt: skip
-# words of one fin -> of several
 _ALONE = "This actuator only."
+# words of one fin -> of several
 _PLURAL = {
     "The fin {} turns": "The fins {} turn",
     "The fin {} gives": "The fins {} give",
@@ -69,7 +69,17 @@ def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, Fin]]:
             rest = replace(fin, name="", at=(x, abs(y), z), direction=(ahead, aside, down), behind=None)
             alike.setdefault(astuple(rest), []).append(fin)
     pairs = (fins for fins in alike.values() if len(fins) == 2)
-    return [(one, other) for one, other in pairs if one.at[1] * other.at[1] < 0.0]
+    return [
+        (one, other)
+        for one, other in pairs
+        if one.at[1] * other.at[1] < 0.0 and other.direction in _mirrored(one.direction)
+    ]
+
+
+def _mirrored(along: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
+    """A direction as the vertical plane through the hull mirrors it, and its opposite."""
+    ahead, aside, down = along
+    return (ahead, -aside, down), (-ahead, aside, -down)
 
 
 def _of_both(twins: Sequence[Fin]) -> list[Effect]:

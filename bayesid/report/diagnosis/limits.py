@@ -6,12 +6,9 @@ Takes a `Result`. Does not compute.
 from __future__ import annotations
 
 import math
-import shlex
 
-from bayesid.diagnosis.failed_checks import example_of
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import notes
-from bayesid.places import NOWHERE, Places
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -64,7 +61,7 @@ def ambiguity_blocks(result: Result) -> list[Block]:
     return blocks
 
 
-def next_blocks(result: Result, places: Places = NOWHERE) -> list[Block]:
+def next_blocks(result: Result) -> list[Block]:
     """Manoeuvres to execute next, best first."""
     if not result.next_manoeuvre:
         return [Text(f"No manoeuvre was ranked: {_why_none(result)}")]
@@ -72,14 +69,10 @@ def next_blocks(result: Result, places: Places = NOWHERE) -> list[Block]:
         [in_words(p.name), round(p.duration), literal(p.orders), literal(p.typed)]
         for p in result.next_manoeuvre
     ]
-    predict = (
-        f"bayesid predict {places.trial} {shlex.quote(example_of(result))} --model "
-        f"{places.folder or places.beside('gap')}{places.effects}"
-    )
     return [
         Text(
             "Best first: what tells the causes still possible apart, or shows a usual effect where none is. "
-            f"`{predict}` says, with a band, what the first would show, and likewise the others."
+            "`bayesid predict` says of each, with a band, what it would show."
         ),
         Table(
             ["manoeuvre", "duration [s]", "what is ordered", "as typed"],

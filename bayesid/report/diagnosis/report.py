@@ -52,7 +52,7 @@ def diagnosis_report(result: Result, places: Places = NOWHERE) -> Report:
         *form_sections(result),
         *description_sections(result),
         Section("What these runs can tell apart", ambiguity_blocks(result)),
-        Section("Manoeuvres to run next", next_blocks(result, places)),
+        Section("Manoeuvres to run next", next_blocks(result)),
         Section("Data, environment and notes", notes_blocks(result)),
         Section("Appendix: evidence, thresholds and method", appendix_blocks(result)),
     ]

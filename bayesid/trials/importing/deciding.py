@@ -25,7 +25,8 @@ from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.words import and_list
 
-_FROM_NORTH = re.compile(r"\b(awd|dir|direction|from)\b")  # words of a wind that does not count from the bow
+_FROM_NORTH = re.compile(r"\b(awd|compass|from north)\b")  # words of a wind that does not count from the bow
+_ANGLE = re.compile(r"\b(twa|angle)\b")  # words of one that does
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 STRAIGHT = 0.6  # rad between track and heading up to which they point the same way
@@ -105,7 +106,7 @@ def _apparent_wind(draft: Draft) -> None:
             f'is it? (read as the true one; else state `[corrections]` `wind = "{which}"` in the trial.toml '
             'of the import: "apparent" counts from the bow, "apparent by compass" from north)',
         )
-    elif "angle" in named.get("wind_from", ""):
+    elif _ANGLE.search(named.get("wind_from", "")):
         draft.ask(
             2,
             f"wind {columns['wind_from']} is called an angle; does it count from the bow? (read as from "

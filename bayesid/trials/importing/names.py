@@ -100,7 +100,7 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("wind_speed", r"(true )?wind (speed|vel(ocity)?)|tws|true wind|wind velo true|wind speed true|"
                    r"windgeschwindigkeit|aws"),
     ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind (dir|direction|from) true|windrichtung|"
-                  r"awa|awd|(true |app )?wind angle"),
+                  r"awa|awd|twa|(true |app )?wind angle"),
 )  # fmt: skip
 _OWN_HEADER = re.compile(r"([A-Za-z_]\w*)\[[^\[\]]+\]")
 _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
