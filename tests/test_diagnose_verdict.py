@@ -22,7 +22,9 @@ from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
-EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
+EFFECTS = tuple(
+    SimpleNamespace(name=n, family=f, where=("N",), as_form="", parameters=()) for n, f in FAMILY.items()
+)
 PROBLEM = SimpleNamespace(
     model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),
     coefficients=SimpleNamespace(names=()),
