@@ -11,7 +11,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from bayesid.api.simulate import simulate
+from bayesid.diagnosis.input import check_trial
+from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial, load_trial, window
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
@@ -20,6 +23,7 @@ from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
 from bayesid.trials.mistakes.plausible import implausible
+from bayesid.trials.mistakes.table import EXCHANGED
 from studies.log_mistakes.harmless import harmless
 from studies.log_mistakes.plant import logged
 
@@ -110,6 +114,43 @@ def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correc
     for finding in found:
         mended = [apply(finding.correction, run) for run in mended]
     assert check_input(mended).findings == ()
+
+
+@pytest.fixture(scope="module")
+def dives():
+    """Runs of an AUV in six degrees of freedom that turns and dives, at 5 Hz."""
+    noise = {
+        "x": 0.2, "y": 0.2, "z": 0.03, "phi": 0.002, "theta": 0.002, "psi": 0.005, "u": 0.01, "v": 0.01,
+        "w": 0.01, "p": 0.003, "q": 0.003, "r": 0.003,
+    }  # fmt: skip
+    orders = ("zigzag:10/10", "vzigzag:10/8", "turn:12,duration=60")
+    return simulate("remus100", *orders, dof=6, dt=0.2, noise=noise, seed=3).runs
+
+
+@pytest.mark.parametrize(("a", "b"), EXCHANGED)
+def test_exchanged_columns_of_a_submerged_vehicle_are_named_and_not_as_something_else(dives, a, b):
+    """Rates were told as a wrong unit, angles as earth-fixed velocities, each with .999."""
+    pairs = ((a, b), (f"{a}_cmd", f"{b}_cmd")) if a.startswith("delta") else ((a, b),)
+    wrong = [apply(Correction(exchange=pairs), run) for run in dives]
+    model = build_model(load_vehicle("remus100"), 6)
+    check = check_trial(Trial("dives", Path("."), "remus100", 6, tuple(wrong)), model)
+    faint = (a, b) in (("v", "w"), ("delta_r", "delta_s"))  # of this vehicle, in these runs
+    assert check.findings or faint
+    for finding in check.findings[:1]:
+        assert f"{a} and {b} exchanged" in (finding.name, *finding.also)
+    assert not check_trial(Trial("dives", Path("."), "remus100", 6, tuple(dives)), model).findings
+
+
+@pytest.mark.parametrize(("name", "delay"), [("psi", 0.6), ("psi", -0.8), ("r", 0.6), ("r", -1.0)])
+def test_a_delay_of_heading_or_yaw_rate_is_told_to_a_reading(dives, name, delay):
+    """A heading 0.6 s late was told as 0.8 s by the noise of which readings are compared."""
+    late = [apply(Correction(late={name: -delay}), run) for run in dives]
+    found = check_input(late, travel=1.03).findings
+    assert found
+    told = dict(found[0].correction.late)
+    either = {"psi": -told["r"]} if name == "psi" and "r" in told else told
+    either = {"r": -told["psi"]} if name == "r" and "psi" in told else either
+    assert abs(either[name] - delay) < 0.11
 
 
 def test_a_clock_that_is_mended_moves_the_time_a_part_of_a_run_began():

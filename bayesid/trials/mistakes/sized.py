@@ -257,6 +257,12 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
         fine = [step * k for k in sorted(near)]
         odds, levels, blocks = _weigh_delays(base, logged, names, touched, fine)
         best = int(np.argmax(odds.sum(axis=1)))
+    if word in SHORTLY_LATE:
+        left = _left_of_delay(base, names, fine[best])
+        at = {fine[best], step * (round((fine[best] + left) / step) or round(fine[best] / step))}
+        fine = sorted(at, key=lambda d: d == fine[best])  # the one nearer to what is left first
+        odds, levels, blocks = _weigh_delays(base, logged, names, touched, fine)
+        best = 0 if odds[0].sum() > SOME_RUNS + _by_chance(blocks[0].sum(), len(coarse)) else len(fine) - 1
     told = (odds[best] > 0) & np.isfinite(levels[best]).all(axis=1)
     # the runs that speak for it, by more than the best of as many delays would there by chance
     if not odds[best][told].sum() > SOME_RUNS + _by_chance(blocks[best][told].sum(), len(coarse)):
@@ -268,6 +274,27 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
     prior = RARE - math.log(len(coarse))
     mistake = Mistake(f"{word} late", says, Correction(late=dict.fromkeys(names, delay)), prior)
     return Weighed(mistake, odds[best], {"track": odds[best]}, {"track": levels[best]})
+
+
+def _left_of_delay(base: Sequence[Base], names: tuple[str, ...], delay: float) -> float:
+    """By how much more heading or yaw rate is late than a delay, by what the two then say of each other [s].
+
+    Evidence of neighbouring delays differs by the noise of the readings at the ends of blocks, where a small
+    rest is taken as a latency: that is estimated with all of them. A heading that is late turns later than
+    its rate says, a rate that is late earlier than the heading.
+    """
+    sign = -1.0 if names == ("psi",) else 1.0
+    found = []
+    for one in base:
+        if "yaw" not in one.held:
+            continue
+        fixed = apply(Correction(late=dict.fromkeys(names, delay)), one.run)
+        if (yaw := relations(fixed, travel=one.travel, only=("yaw",)).get("yaw")) is not None:
+            found.append(weigh(yaw).estimate["late"])
+    if not found:
+        return 0.0
+    late, sd = np.array(found).T
+    return sign * float(np.sum(late / sd**2) / np.sum(sd**-2))
 
 
 def _weigh_delays(

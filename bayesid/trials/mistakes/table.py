@@ -14,6 +14,11 @@ from bayesid.trials.handedness import Handedness
 
 COMMON, USUAL, RARE = -4.0, -7.0, -10.0  # log odds before the data
 NEVER_WEST = -6.0  # added to them for a latitude or longitude that counts the other way
+# Neighbouring columns of one kind beside x and y.
+EXCHANGED = (
+    ("u", "v"), ("v", "w"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("theta", "psi"),
+    ("delta_r", "delta_s"),
+)  # fmt: skip
 _DEGREE = math.pi / 180.0
 _KNOT, _FOOT, _RPM = 1852.0 / 3600.0, 0.3048, 2.0 * math.pi / 60.0
 
@@ -121,6 +126,12 @@ def _units() -> list[Mistake]:
     return rows
 
 
+def _exchanged(a: str, b: str) -> Mistake:
+    """Two columns of one kind in each other's place, orders and measurements of fins together."""
+    pairs = ((a, b), (f"{a}_cmd", f"{b}_cmd")) if a.startswith("delta") else ((a, b),)
+    return Mistake(f"{a} and {b} exchanged", f"{a} and {b} are exchanged", Correction(exchange=pairs), RARE)
+
+
 def _frames() -> list[Mistake]:
     swap = (("x", "y"),)
     port = {"v": -1.0, "v_water": -1.0}
@@ -171,7 +182,7 @@ def _frames() -> list[Mistake]:
             Correction(exchange=swap, scale={"x": -1.0, "y": -1.0}),
             RARE,
         ),
-        Mistake("u and v exchanged", "u and v are exchanged", Correction(exchange=(("u", "v"),)), RARE),
+        *(_exchanged(a, b) for a, b in EXCHANGED),
         Mistake(
             "latitude and longitude",
             "x and y are latitude and longitude in degrees",
