@@ -822,3 +822,34 @@ def test_a_folder_of_tables_names_the_command_that_takes_it(tmp_path, capsys):
     _table(tmp_path, truth, {"t [s]": truth["t"]})
     assert bayesid(["trial", "import", str(tmp_path), "--out", str(tmp_path / "bundle")]) == 2
     assert f"bayesid start {tmp_path}" in capsys.readouterr().err
+
+
+def test_runs_that_an_autopilot_steers_are_not_called_straight_and_keeping_a_course_is(tmp_path):
+    """Its rudder stands nowhere for long, and its turns are brief."""
+    t = np.arange(0.0, 170.0, 0.2)
+    turns = sum(
+        18.0 * np.exp(-0.5 * ((t - at) / 4.0) ** 2) * side for at, side in ((40, 1), (90, -1), (140, 1))
+    )
+    helm = 0.8 * np.sin(t / 3.0)
+    for name, rudder, expected in (("steered", turns + helm, False), ("kept", helm, True)):
+        heading = np.cumsum(0.02 * rudder * 0.2)
+        north, east = (np.cumsum(0.3 * f(np.radians(heading))) for f in (np.cos, np.sin))
+        table = np.column_stack([t, north, east, heading, rudder, np.full(t.size, 900.0)])
+        for k in range(4):
+            head = "t [s],north [m],east [m],heading [deg],rudder order [deg],rpm"
+            np.savetxt(
+                tmp_path / f"{name}{k}.csv", table, fmt="%.4f", delimiter=",", header=head, comments=""
+            )
+        found = propose(sorted(tmp_path.glob(f"{name}*.csv"))).map.runs
+        assert {run.manoeuvre == "straight" for run in found} == {expected}
+
+
+def test_speeds_named_by_their_direction_are_read(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, "rudder order [deg]": truth["delta_r_cmd"] / DEG,
+        "rpm": truth["n_cmd"], "Speed fwd (m/s)": truth["u"], "Speed stbd (m/s)": truth["v"],
+    }  # fmt: skip
+    found = propose([_table(tmp_path, truth, columns)]).map.channels
+    assert {"u", "v"} <= set(found) and found["v"].source == "Speed stbd (m/s)"

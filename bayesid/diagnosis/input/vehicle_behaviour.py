@@ -199,6 +199,8 @@ def speed_beside_simulation(model: Model, run: Run) -> float | None:
     if simulated is None:
         return steady
     end = run.t >= run.t[-1] - LAST * run.duration
+    if not np.isfinite(speed[end]).any():
+        return steady
     behind = float(np.nanmedian(speed[end])) / float(np.median(simulated[end]))
     if not behind > 0 or (behind - 1.0) * (steady - 1.0) < 0:
         return steady if not behind > 0 else 1.0

@@ -91,7 +91,10 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     levels, held = _levels(t, rudder)
     big = float(np.max(np.abs(levels))) if levels.size else 0.0
     if big < NEUTRAL:
-        return "straight", "straight"
+        # an autopilot holds no order for long; what it steers is straight where it hardly moves the rudder
+        steered = np.abs(rudder - np.median(rudder)) if rudder.size else rudder
+        moves = rudder.size > 0 and float(np.percentile(steered, 90.0)) > 2.0 * NEUTRAL
+        return ("random", "steered") if moves else ("straight", "straight")
     off = np.abs(levels) > 0.3 * big
     signs = np.sign(levels[off])
     size = float(np.median(np.abs(levels[off])))

@@ -76,11 +76,13 @@ PATTERNS: tuple[tuple[str, str], ...] = (
           r"fahrt|fart|"
           r"dvl x|dvl vx|bt x|"
           r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|"
-          r"long(itudinal)? speed"),
+          r"long(itudinal)? speed|speed (fwd|forward|ahead|surge|long(itudinal)?)"),
     ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|"
           r"linear y|velocity y|"
-          r"lateral (speed|velocity)|v ground|v y|transverse speed"),
-    ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z"),
+          r"lateral (speed|velocity)|v ground|v y|transverse speed|"
+          r"speed (stbd|starboard|sway|lateral|transverse|athwart)"),
+    ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z|"
+          r"heave speed|vertical (speed|velocity)|speed (down|heave|vertical)"),
     ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
                 r"steer|steering|tiller|"
                 r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre|"

@@ -12,10 +12,10 @@ import numpy as np
 
 from bayesid.trials.importing.agreement import common_run
 from bayesid.trials.importing.converting import convert
-from bayesid.trials.importing.cutting import Piece, between_runs, cut
+from bayesid.trials.importing.cutting import Piece, between_runs, classify, cut
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import RunMap
-from bayesid.trials.trial import Run
+from bayesid.trials.trial import Floats, Run
 
 SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 
@@ -39,6 +39,7 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
         whole = (len(moving) <= 1 and len(pieces) <= 2) or (len(groups) > 3 and look.duration < SHORT_LOG)
         if whole and not (moving and between_runs(look.t).any()):
             words = next((p.words for p in sorted(moving, key=lambda p: -_rank(p))), "")
+            words = _as_a_whole(look) if words == "straight" else words
             runs.append(RunMap(_fresh(stem, used), files, None, words))
             continue
         for piece in moving:
@@ -71,9 +72,21 @@ def _fresh(name: str, used: set[str]) -> str:
     return out
 
 
-def _pieces(look: Run) -> list[Piece]:
+def _rudder(look: Run) -> Floats | None:
+    """The rudder of a run, finite throughout; None where it has none."""
     rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
-    if rudder is None or not np.isfinite(rudder).all():
+    return None if rudder is None or not np.isfinite(rudder).all() else rudder
+
+
+def _as_a_whole(look: Run) -> str:
+    """What the orders of a run are, of which only straight pieces are long enough: turns may be brief."""
+    rudder = _rudder(look)
+    return "straight" if rudder is None else classify(look.t, rudder, look.data.get("psi"))[1]
+
+
+def _pieces(look: Run) -> list[Piece]:
+    rudder = _rudder(look)
+    if rudder is None:
         return []
     speed = look.data.get("u")
     if speed is None and {"x", "y"} <= set(look.data):
