@@ -828,11 +828,12 @@ def test_runs_that_an_autopilot_steers_are_not_called_straight_and_keeping_a_cou
     """Its rudder stands nowhere for long, and its turns are brief."""
     t = np.arange(0.0, 170.0, 0.2)
     turns = sum(
-        18.0 * np.exp(-0.5 * ((t - at) / 4.0) ** 2) * side for at, side in ((40, 1), (90, -1), (140, 1))
+        18.0 * side * ((t > at) & (t < at + 8)) * np.minimum(1.0, (at + 8 - t) / 4.0)
+        for at, side in ((32, -1), (68, 1), (103, 1), (140, -1))
     )
     helm = 0.8 * np.sin(t / 3.0)
     for name, rudder, expected in (("steered", turns + helm, False), ("kept", helm, True)):
-        heading = np.cumsum(0.02 * rudder * 0.2)
+        heading = np.cumsum(0.6 * rudder * 0.2)
         north, east = (np.cumsum(0.3 * f(np.radians(heading))) for f in (np.cos, np.sin))
         table = np.column_stack([t, north, east, heading, rudder, np.full(t.size, 900.0)])
         for k in range(4):
