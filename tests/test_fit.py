@@ -169,7 +169,9 @@ def test_a_fit_killed_at_any_line_of_its_log_ends_with_the_very_same_numbers(mod
         assert (resumed.costs, resumed.sigma, resumed.message) == (whole.costs, whole.sigma, whole.message)
     said = []
     again = fit(problem, options, folder=torn, say=said.append)  # ended: read back
-    assert said[0].startswith(f"the search of an earlier run of this fit had ended after {len(whole.costs)} ")
+    assert said[0].startswith(
+        f"goes on after a search of an earlier run of this fit, which had ended after {len(whole.costs)} "
+    )
     assert np.array_equal(again.z, whole.z) and again.seconds == resumed.seconds
     assert again.costs == whole.costs
 

@@ -32,7 +32,7 @@ from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
+from bayesid.estimation.filter_error.fit_journal import SUFFIX, FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.places import NOWHERE, Places, places_of
 from bayesid.progress import Progress, RouteStep
@@ -126,13 +126,17 @@ def diagnose(
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
+        if before := 0 if kept is None else len(list(kept.glob(f"*{SUFFIX}"))):
+            shown.note(
+                f"goes on with {before} refits kept of a diagnosis that was stopped; the log is read again"
+            )
         with fits_kept(kept) as fits:
             found = run(
                 of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
                 keep_model=keep_model, trust_noise=trust_input,
             )  # fmt: skip
         if fits is not None and fits.used:
-            shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
+            shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)
 
     def of_mended(checked: InputCheck, result: DiagnoseResult) -> InputResult:

@@ -84,6 +84,10 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         if there is no such file, it is not one of these, or the equations have changed since
     """
     path = Path(folder) / MODEL_FILE
+    if Path(folder).is_file():
+        raise ModelError(
+            f"{folder} is a file; a model is a folder that `bayesid fit`, `sample` or `diagnose` wrote"
+        )
     try:
         record = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))
         if record["format"] not in (FORMAT, FORMAT_WITH_RUNS):

@@ -282,7 +282,10 @@ def _resumed_words(journal: IterateLog, options: FitOptions) -> str:
                 ended.add(number)
         kept += at
     if len(ended) == options.starts:
-        return f"the search of an earlier run of this fit had ended after {kept} iterates; {FRESH}"
+        return (
+            f"goes on after a search of an earlier run of this fit, which had ended after {kept} iterates, "
+            f"and after what is kept of searches that followed; {FRESH}"
+        )
     if kept:
         return f"goes on after {kept} iterates of an interrupted run of this fit; {FRESH}"
     if journal.found:
