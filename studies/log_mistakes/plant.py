@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.trials import Run, Trial
 from bayesid.trials.correction import EARTH_RADIUS, Correction, apply
 from bayesid.trials.mistakes import MISTAKES
+from bayesid.trials.mistakes.table import EXCHANGED
 
 FAST_FIN = math.radians(60.0)  # per second, of small vehicles
 Change = Callable[[Run, np.random.Generator], Run]
@@ -220,6 +221,7 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         Planted("frozen r for a third", _froze("r"), ("frozen r",), ("r",)),
         Planted("frozen u for a third", _froze("u"), ("frozen u",), ("u",)),
         Planted("dead rudder", _frozen("delta_r_cmd"), ("dead delta_r",)),
+        *(_fixed(f"{a} and {b} exchanged") for a, b in EXCHANGED if (a, b) != ("u", "v")),
     ]
     # a log all mirrored is, without roll and depth, the one with the rudder's sign turned, and so is its mend
     mirrored = {"east-north-up, forward-left-up": ("u",), "east-north-up": ()}

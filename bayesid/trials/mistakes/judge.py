@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesid.trials.correction import apply
+from bayesid.trials.correction import Correction, apply
 from bayesid.trials.handedness import UNKNOWN, Handedness
 from bayesid.trials.kinematics.evidence import Held, weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
@@ -187,20 +187,31 @@ def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behav
             if correction is not None and correction.channels & needs
         ]
         lost = -sum(one.seen[k] for one in base for k in keys if k in one.seen)
-        if correction is None or score < top - RULED_OUT or not keys or score + lost < -ALSO:
+        idle = correction is None or not _fins_move(correction, base)
+        if correction is None or idle or score < top - RULED_OUT or not keys or score + lost < -ALSO:
             out.append(w)
             continue
         odds, gain = w.odds.copy(), {k: v.copy() for k, v in w.gain.items()}
         for i, one in enumerate(base):
             if one.seen and correction.of(one.run):
-                said = behaviour(apply(correction, one.run))
+                said, seen = behaviour(apply(correction, one.run)), one.seen
+                if correction.exchange:  # a fin that rests in the place of one that moves is as expected
+                    said, seen = (dict.fromkeys(keys, 0.0) | dict(each) for each in (said, seen))
                 for k in keys:
-                    if k in said and k in one.seen:
+                    if k in said and k in seen:
                         key = BY_VEHICLE + k
-                        gain.setdefault(key, np.zeros(len(base)))[i] += said[k] - one.seen[k]
-                        odds[i] += said[k] - one.seen[k]
+                        gain.setdefault(key, np.zeros(len(base)))[i] += said[k] - seen[k]
+                        odds[i] += said[k] - seen[k]
         out.append(replace(w, odds=odds, gain=gain))
     return out
+
+
+def _fins_move(correction: Correction, base: Sequence[Base]) -> bool:
+    """Whether every fin that is exchanged moves in some run: one that never does has nothing to tell, and
+    would excuse the other."""
+    names = {n.removesuffix("_cmd") for pair in correction.exchange for n in pair if n.startswith("delta")}
+    inputs = [[one.run.input(name) for one in base] for name in names]
+    return all(any(x is not None and np.ptp(x) > 0.0 for x in each) for each in inputs)
 
 
 def weighed(base: Sequence[Base], mistakes: Sequence[Mistake]) -> list[Weighed]:
@@ -297,11 +308,13 @@ def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
                 continue  # a relation that holds in neither says nothing of either
             add(k, i, held.log_evidence - was.log_evidence)
             levels.setdefault(k, np.full((len(base), 2), np.nan))[i] = was.level, held.level
-        if turned and any(k in one.signs for k in turned):
-            signs = sign_evidence(fixed, turned)
+        if turned and (correction.exchange or any(k in one.signs for k in turned)):
+            signs, was_signs = sign_evidence(fixed, turned), one.signs
+            if correction.exchange:  # what rests in the place of what moves tells no sign
+                signs, was_signs = (dict.fromkeys(turned, 0.0) | dict(each) for each in (signs, was_signs))
             for k in turned:
-                if k in signs and k in one.signs:
-                    add(k, i, signs[k] - one.signs[k])
+                if k in signs and k in was_signs:
+                    add(k, i, signs[k] - was_signs[k])
     return Weighed(mistake, odds, gain, levels) if speaks else None
 
 
