@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from bayesid.api.inputs import model_of
-from bayesid.diagnosis.input import check_trial, mended
+from bayesid.diagnosis.input import check_trial, measured_wind, mended
 from bayesid.diagnosis.input.measured_wind import check_wind
 from bayesid.equations.model import build_model
-from bayesid.errors import TrialError
+from bayesid.errors import ModelError, TrialError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
@@ -188,6 +188,16 @@ def test_runs_that_contradict_along_one_path_alone_do_not_keep_a_mistake_from_be
     found = check_wind(replace(wrong, runs=runs), model_of(wrong))
     assert found.remark is None and found.finding is not None
     assert "wind_from: where it blows to" in (found.finding.name, *found.finding.also)
+
+
+def test_a_fit_that_fails_in_asking_whether_runs_agree_ends_the_check_alone(monkeypatch):
+    def fails(*_):
+        raise ModelError("the vehicle diverges")
+
+    monkeypatch.setattr(measured_wind._Split, "words", fails)
+    wrong = misread(circles(1), "wind_from: where it blows to")
+    found = check_wind(wrong, model_of(wrong))
+    assert found.asked and found.finding is None and not found.in_order
 
 
 def test_a_held_out_run_that_lacks_the_heading_does_not_keep_a_mistake_from_being_told():

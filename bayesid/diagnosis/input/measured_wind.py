@@ -137,13 +137,13 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
                 assert one.problem is not None
                 told[one] = replace(told[one], every=_with_fits(one.problem, told[one].every))
             weights = _weights(told, prior, less)
+        untested = [one for one in readings if one.problem is None]
+        best = max(w - _log_odds(one.mistake) for one, w in weights.items())
+        weights |= {one: best + _log_odds(one.mistake) for one in untested}
+        split = _Split(problem, told, prior, less)
+        found = _judged(weights, split, [log.name for log in problem.logs])
     except (BayesidError, LinAlgError, ValueError, MemoryError):  # what ends this check, not a diagnosis
         return WindCheck(asked=True)
-    split = _Split(problem, told, prior, less)
-    untested = [one for one in readings if one.problem is None]
-    best = max(w - _log_odds(one.mistake) for one, w in weights.items())
-    weights |= {one: best + _log_odds(one.mistake) for one in untested}
-    found = _judged(weights, split, [log.name for log in problem.logs])
     return replace(found, untested=_lacking(untested, runs))
 
 

@@ -187,15 +187,21 @@ def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behav
             if correction is not None and correction.channels & needs
         ]
         lost = -sum(one.seen[k] for one in base for k in keys if k in one.seen)
-        idle = correction is None or not _fins_move(correction, base)
-        if correction is None or idle or score < top - RULED_OUT or not keys or score + lost < -ALSO:
+        fins = frozenset[str]() if correction is None else _exchanged_fins(correction)
+        if (
+            correction is None
+            or not _all_move(fins, base)
+            or score < top - RULED_OUT
+            or not keys
+            or score + lost < -ALSO
+        ):
             out.append(w)
             continue
         odds, gain = w.odds.copy(), {k: v.copy() for k, v in w.gain.items()}
         for i, one in enumerate(base):
             if one.seen and correction.of(one.run):
                 said, seen = behaviour(apply(correction, one.run)), one.seen
-                if correction.exchange:  # a fin that rests in the place of one that moves is as expected
+                if fins:  # one that rests in the place of one that moves is as expected
                     said, seen = (dict.fromkeys(keys, 0.0) | dict(each) for each in (said, seen))
                 for k in keys:
                     if k in said and k in seen:
@@ -206,11 +212,15 @@ def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behav
     return out
 
 
-def _fins_move(correction: Correction, base: Sequence[Base]) -> bool:
-    """Whether every fin that is exchanged moves in some run: one that never does has nothing to tell, and
-    would excuse the other."""
-    names = {n.removesuffix("_cmd") for pair in correction.exchange for n in pair if n.startswith("delta")}
-    inputs = [[one.run.input(name) for one in base] for name in names]
+def _exchanged_fins(correction: Correction) -> frozenset[str]:
+    names = (name for pair in correction.exchange for name in pair)
+    return frozenset(name.removesuffix("_cmd") for name in names if name.startswith("delta"))
+
+
+def _all_move(fins: Iterable[str], base: Sequence[Base]) -> bool:
+    """Whether every fin moves in some run: one that never does has nothing to tell, and exchanged it would
+    excuse the other."""
+    inputs = [[one.run.input(fin) for one in base] for fin in fins]
     return all(any(x is not None and np.ptp(x) > 0.0 for x in each) for each in inputs)
 
 
@@ -273,6 +283,7 @@ def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
         return None
     touched = [k for k, needs in NEEDS.items() if correction.channels & set(needs)]
     turned = [k for k, needs in SIGNS.items() if correction.channels & needs]
+    fins = _exchanged_fins(correction)
     odds, speaks = np.zeros(len(base)), False
     gain: dict[str, Floats] = {}
     levels: dict[str, Floats] = {}
@@ -308,9 +319,9 @@ def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
                 continue  # a relation that holds in neither says nothing of either
             add(k, i, held.log_evidence - was.log_evidence)
             levels.setdefault(k, np.full((len(base), 2), np.nan))[i] = was.level, held.level
-        if turned and (correction.exchange or any(k in one.signs for k in turned)):
+        if turned and (fins or any(k in one.signs for k in turned)):
             signs, was_signs = sign_evidence(fixed, turned), one.signs
-            if correction.exchange:  # what rests in the place of what moves tells no sign
+            if fins:  # what rests in the place of what moves tells no sign
                 signs, was_signs = (dict.fromkeys(turned, 0.0) | dict(each) for each in (signs, was_signs))
             for k in turned:
                 if k in signs and k in was_signs:
