@@ -27,6 +27,7 @@ from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input.memory_needed import enough_memory
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
@@ -40,7 +41,7 @@ from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_re
 from bayesid.report.input import check_record, in_order_line
 from bayesid.report.writer import Report
 from bayesid.simulation import with_shaft_speed
-from bayesid.threads import one_blas_thread
+from bayesid.threads import one_blas_thread, processors, several_threads
 from bayesid.trials import Trial
 from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.mistakes import InputCheck
@@ -84,6 +85,7 @@ def diagnose(
     keep_model: bool = True,
     seed: int = 0,
     trust_input: bool = False,
+    threads: int | None = None,
     progress: Progress | None = None,
     journal: str | os.PathLike[str] | None = None,
 ) -> DiagnoseResult | InputResult:
@@ -104,7 +106,8 @@ def diagnose(
     draws : also sample the named effects' parameters by emcee
     keep_model : also make the model that `bayesid.predict` draws from
     trust_input : take the log, and the noise it states, as they are
-
+    threads : runs taken at a time, at most; a thread per processor where not given, fewer where memory is
+        short. The numbers are the same
     journal : folder that keeps every refit until `DiagnoseResult.save`: a diagnosis that is stopped goes on
         from there, with the very same numbers
 
@@ -121,6 +124,12 @@ def diagnose(
     if blown := wind_words(model.vehicle, logged):
         shown.note(blown)
 
+    if not model.kernel.compiled:
+        shown.note(
+            "equations: compiled for this kind of vehicle, once per machine (about "
+            f"{'ten seconds' if model.dof == 3 else 'a minute'}, within the first steps)"
+        )
+
     def used(of: Trial) -> Trial:
         return ready(of, model, resample, trust_input)
 
@@ -130,7 +139,7 @@ def diagnose(
             shown.note(
                 f"goes on with {before} refits kept of a diagnosis that was stopped; the log is read again"
             )
-        with fits_kept(kept) as fits:
+        with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
             found = run(
                 of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
                 keep_model=keep_model, trust_noise=trust_input,
@@ -194,6 +203,14 @@ def ready(trial: Trial, model: Model, resample: float | None = None, trust_input
     """
     chosen = with_shaft_speed(prepared(trial, resample=resample), model.vehicle)
     return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input, as_seen=True)
+
+
+def threads_of(trial: Trial, model: Model, wanted: int | None) -> int:
+    """Threads over the runs to identify: no more than there are runs, nor than there is memory for."""
+    count = min(processors() if wanted is None else wanted, len(trial.identify))
+    while count > 1 and not enough_memory(trial, model, count):
+        count -= 1
+    return max(count, 1)
 
 
 def diagnosis_route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:

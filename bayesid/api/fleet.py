@@ -119,7 +119,7 @@ def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, s
         key = _key(trial, options)
         if (kept := _kept(out, key)) is not None:
             return bundle.name, f"{kept} (kept)"
-        found = diagnose(trial, journal=out, **options)
+        found = diagnose(trial, journal=out, threads=1, **options)
         word = found.verdict
         if isinstance(found, InputResult):
             reasons = [f.says for f in found.checked.findings] or list(found.reasons)

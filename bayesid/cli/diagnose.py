@@ -16,7 +16,6 @@ from bayesid.cli.options import (
     Quiet,
     Seed,
     Verbose,
-    Workers,
     figure_formats,
 )
 from bayesid.cli.terminal import NOT_CONVERGED, OK, WRONG_LOG
@@ -24,6 +23,17 @@ from bayesid.cli.terminal import NOT_CONVERGED, OK, WRONG_LOG
 TrustInput = Annotated[
     bool,
     typer.Option("--trust-input", help="Take the log as it is, whatever its channels say of one another."),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        "--jobs",
+        "-j",
+        min=1,
+        help="How many at a time: runs of a bundle, in threads (default: one per processor), or bundles of a "
+        "folder, in worker processes (default: this process alone).",
+    ),
 ]
 
 
@@ -55,7 +65,7 @@ def diagnose(
     diagnosis that is stopped goes on where it was when the same line is run again.
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
-    coefficients that the bundles of a vehicle share; --workers and --executor are for it. It ends with exit
+    coefficients that the bundles of a vehicle share; --executor is for it. It ends with exit
     code 3 where a bundle has no diagnosis, for a mistake of its log among other reasons: the page over all
     says which, and which checks failed in the others.
     """
@@ -88,7 +98,7 @@ def diagnose(
         bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, resample=resample,
         next_manoeuvre=not quick,
         draws=out is not None and not quick, keep_model=out is not None, seed=seed,
-        trust_input=trust, progress=Progress(quiet=as_json), journal=out,
+        trust_input=trust, threads=workers, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)
     code = NOT_CONVERGED if found.failures else OK

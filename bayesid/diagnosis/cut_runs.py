@@ -25,6 +25,7 @@ from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.simulation import TimePlan
+from bayesid.threads import each
 
 # A run is cut into pieces of this time [L/U], or more, so that there are at most so many of them.
 FINEST, MOST_PIECES = 0.5, 100
@@ -128,7 +129,7 @@ def sought_in(problem: DiagnosisProblem, free: GaussianPrior, points: Sequence[T
     """
     paths = linearise_runs(problem.model, problem.logs, points, free.where)
     signals = signals_of(problem)
-    runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
+    runs = each(lambda k, path: cut(problem, free, k, path, signals), range(len(paths)), paths)
     return Sought(problem, free, paths, runs, signals)
 
 
@@ -142,10 +143,11 @@ def at_noise_scales(sought: Sought) -> Iterator[tuple[float, Sequence[CutRun]]]:
         return
     for shift in NOISE_SCALE_SHIFTS:
         noise = environment.noise_model.scaled(float(np.exp(shift)))
-        runs = [
-            cut(problem, sought.free, k, path, sought.signals, noise_model=noise)
-            for k, path in enumerate(sought.paths)
-        ]
+
+        def of_run(k: int, path: Linearisation, noise: NoiseModel = noise) -> CutRun:
+            return cut(problem, sought.free, k, path, sought.signals, noise_model=noise)
+
+        runs = each(of_run, range(len(sought.paths)), sought.paths)
         yield -0.5 * (shift / MANOEUVRE_NOISE_SPREAD) ** 2, runs
 
 

@@ -71,6 +71,13 @@ class Kernel:
     digest: str
     declared: tuple[Declared, ...] = ()
 
+    @property
+    def compiled(self) -> bool:
+        """Whether the largest function, with all effects, is in the cache of this machine."""
+        function = self.full.variational
+        made = f"{Path(self.full.module.__file__ or '').stem}.{function.py_func.__name__}-*.nbi"
+        return any(Path(function.stats.cache_path).glob(made))
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process loads the kernel itself: the printed module is in the cache of its machine."""
         return _restored, (self.spec, self.declared, tuple(e.name for e in self.effects))

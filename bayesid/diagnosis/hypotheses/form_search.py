@@ -23,9 +23,11 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE, LEAST_RUNS
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
-from bayesid.estimation.filter_error.linearise import linearise
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.estimation.run_data import RunData
+from bayesid.threads import each
 
 Array = np.ndarray
 # Sizes tried, over 1/2 rho L^2 U^2; the largest sizes the columns.
@@ -126,10 +128,12 @@ class _Columns:
         level = 0.0 if follows else fitted.path_force_level
         points = problem.swinging(fitted.points if follows else fitted.path_points, largest, level)
         noise_model = levels_between(problem, level)[-1]
-        equations = []
-        for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
+
+        def of_run(log: RunData, point: Trajectory, k: int) -> NormalEquations:
             path = linearise(model, log, point, free.where)
-            equations.append(run_equations(model, path, free, noise_model, run=k))
+            return run_equations(model, path, free, noise_model, run=k)
+
+        equations = each(of_run, problem.logs, points, range(len(problem.logs)))
         # what may be part of a form is asked for anew with it: the refits decide between the two
         causes = [e for e in explanation if not e.as_form]
         named = frozenset(e.key(p.name) for e in causes for p in e.parameters)

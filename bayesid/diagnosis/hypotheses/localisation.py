@@ -24,7 +24,7 @@ from bayesid.estimation.filter_error.noise_model import (
     force_unit,
     smoothed,
 )
-from bayesid.estimation.filter_error.normal_equations import run_equations
+from bayesid.estimation.filter_error.normal_equations import each_run
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
@@ -148,12 +148,8 @@ def _evidence(
     noise_model: NoiseModel,
     latent: LatentInputs | None,
 ) -> float:
-    total = None
-    for k, path in enumerate(paths):
-        g = run_equations(problem.model, path, free, noise_model, latent, k)
-        total = g if total is None else total + g
-    assert total is not None
-    return posterior(total).log_evidence
+    equations = each_run(problem.model, paths, free, noise_model, latent)
+    return posterior(sum(equations[1:], equations[0])).log_evidence
 
 
 def locate(
@@ -300,12 +296,8 @@ def _force(
     best = force_places[0]
     inputs = tuple(n for n in problem.model.kernel.exogenous if n.startswith("force_"))
     latent = LatentInputs(inputs, (), tuple(best.amplitude * size[n] for n in inputs), best.tau)
-    total, equations = None, []
-    for k, path in enumerate(paths):
-        equations.append(run_equations(problem.model, path, free, noise_model, latent, k))
-        total = equations[-1] if total is None else total + equations[-1]
-    assert total is not None
-    values = free.mean + free.sd * posterior(total).mean
+    equations = each_run(problem.model, paths, free, noise_model, latent)
+    values = free.mean + free.sd * posterior(sum(equations[1:], equations[0])).mean
     times, force, band = [], [], []
     for k, path in enumerate(paths):
         sm = smoothed(problem.model, path, values - path.point.par[free.where], noise_model, latent, k)

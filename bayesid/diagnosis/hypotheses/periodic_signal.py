@@ -18,6 +18,7 @@ from bayesid.estimation.filter_error.normal_equations import run_equations, stac
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_columns, periodic_forces
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.threads import each
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,12 @@ def periodic_signals(
     unit = [size[n] for n in names]
     by_line = []
     for frequency in found:
-        by_line.append([
-            run_equations(
-                model, p, free, noise_model, run=k, extra=periodic_columns(p, frequency, names, unit)
-            )
-            for k, p in enumerate(paths)
-        ])  # fmt: skip
+
+        def of_run(path: Linearisation, k: int, frequency: float = float(frequency)) -> NormalEquations:
+            extra = periodic_columns(path, frequency, names, unit)
+            return run_equations(model, path, free, noise_model, run=k, extra=extra)
+
+        by_line.append(each(of_run, paths, range(len(paths))))
     out = {}
     for place, (inputs, _) in sets.items():
         if not inputs:

@@ -19,9 +19,10 @@ from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory,
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
-from bayesid.estimation.run_data import Array
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.model.effects import Effect
 from bayesid.simulation import interval_maps, readings_on
+from bayesid.threads import each
 
 # A prior that is too narrow as a whole: how many times its standard deviations.
 EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
@@ -122,15 +123,14 @@ def build_bank(
         last = first + len(sizes)
         columns[effect.name] = EffectColumns(effect, tuple(np.array([j]) for j in range(first, last)), sizes)
         first = last
-    by_run: list[list[NormalEquations]] = []
-    for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
-        # one run at a time: the columns of all effects are the largest thing a diagnosis makes
+
+    def of_run(log: RunData, point: Trajectory, k: int) -> list[NormalEquations]:
+        # a run at a time, and let go of: the columns of all effects are the largest thing a diagnosis makes
         path = linearise(model, log, point, free.where)
         extra = secants(problem, path, kinked) if kinked else None
-        by_run.append([])
-        for noise_model in levels:
-            by_run[-1].append(run_equations(model, path, free, noise_model, run=k, extra=extra))
-        del path, extra
+        return [run_equations(model, path, free, level, run=k, extra=extra) for level in levels]
+
+    by_run = each(of_run, problem.logs, points, range(len(problem.logs)))
     equations = tuple(zip(*by_run, strict=True))
     return SensitivityBank(equations, tuple(levels), len(base.names), columns)
 

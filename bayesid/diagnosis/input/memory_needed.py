@@ -25,8 +25,9 @@ ALIVE, COPIES, PATHS = 2, 3, 240
 FINER = 1.1  # steps in which a sampling that fits is sought
 
 
-def memory_needed(trial: Trial, model: Model, every: float = 1.0) -> float:
-    """Bytes a diagnosis takes at most, about, were one of `every` samples read."""
+def memory_needed(trial: Trial, model: Model, every: float = 1.0, threads: int = 1) -> float:
+    """Bytes a diagnosis takes at most, about, were one of `every` samples read and `threads` runs taken at a
+    time."""
     sizes = [run.t.size / every for run in trial.identify]
     if not sizes:
         return FIXED
@@ -39,19 +40,27 @@ def memory_needed(trial: Trial, model: Model, every: float = 1.0) -> float:
         size = NUMBER * (nx + channels) * parameters
         kept = runs_held(samples, nx + channels, parameters)
         held = sum(n for n, hold in zip(samples, kept, strict=True) if hold)
-        return size * (held + COPIES * min(max(samples), BLOCK))
+        copied = sorted((min(n, BLOCK) for n in samples), reverse=True)
+        return size * (held + COPIES * sum(copied[:threads]))
 
     coefficients = FORM * len(model.coefficients)
     effects = sum(len(e.parameters) for e in model.causes if e.acts_in(model.dof))
     state = nx + len([n for n in model.kernel.exogenous if n.startswith("force_")]) + 3
     maps = ALIVE * nx * (nx + latent + used) + PATHS * nx
-    smoother = min(max(sizes), SMOOTHED_AT_ONCE) * state**2
+    longest = sorted(sizes, reverse=True)[:threads]
+    smoother = sum(min(n, SMOOTHED_AT_ONCE) for n in longest) * state**2
     return (
         FIXED
         + slopes(sizes, coefficients)
-        + max(slopes([n], coefficients + effects) for n in sizes)
+        + sum(slopes([n], coefficients + effects) for n in longest)
         + NUMBER * (sum(sizes) * maps + smoother)
     )
+
+
+def enough_memory(trial: Trial, model: Model, threads: int = 1) -> bool:
+    """Whether there is memory for so many runs at a time; yes where nobody knows."""
+    free = available_memory()
+    return free is None or memory_needed(trial, model, 1.0, threads) <= free + taken_memory()
 
 
 def check_memory(trial: Trial, model: Model) -> None:

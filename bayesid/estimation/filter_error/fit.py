@@ -29,6 +29,7 @@ from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
+from bayesid.threads import each
 
 __all__ = ["FilterErrorFit", "fit", "stacked_equations", "within_bounds"]
 
@@ -271,8 +272,8 @@ def _moved(
     smoothed path is the vehicle's own answer, and better known.
     """
     n_force = len(noise_model.force)
-    points, standardised = [], []
-    for i, path in enumerate(paths):
+
+    def of_run(path: Linearisation, i: int) -> tuple[Trajectory, Array]:
         par = path.point.par.copy()
         par[free.where] = values
         sm = smoothed(model, path, values - path.point.par[free.where], noise_model, run=i, variances=False)
@@ -280,9 +281,10 @@ def _moved(
         force = sm.mean[:-1, nx : nx + n_force] @ mixing(model, noise_model).T
         force = np.ascontiguousarray(path.point.force + stride * (force - path.point.force))
         before = path.point.states + sm.filtered[:, :nx] if noisy else None
-        points.append(Trajectory(par, path.point.states + stride * sm.mean[:, :nx], force, before))
-        standardised.append(sm.standard)
-    return points, standardised
+        return Trajectory(par, path.point.states + stride * sm.mean[:, :nx], force, before), sm.standard
+
+    moved = each(of_run, paths, range(len(paths)))
+    return [point for point, _ in moved], [standard for _, standard in moved]
 
 
 def _joined(paths: Sequence[Linearisation], points: Sequence[Trajectory]) -> bool:

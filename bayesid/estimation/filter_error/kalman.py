@@ -17,7 +17,7 @@ from numba import njit
 from bayesid.estimation.filter_error.kalman_step import carry, entries, opening, take
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def whiten(
     columns: np.ndarray,
     drive: np.ndarray,
@@ -64,7 +64,7 @@ def whiten(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def whiten_on(
     joint: np.ndarray,
     columns: np.ndarray,

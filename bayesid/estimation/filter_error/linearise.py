@@ -35,6 +35,7 @@ from bayesid.estimation.filter_error.parameter_slopes import (
 from bayesid.estimation.filter_error.read_run import ANGLES
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import TimePlan, chain_of, inertia_ratio, interval_maps, readings_on
+from bayesid.threads import each
 
 # States of a straight run that keep their own course when slopes by the parameters are taken.
 STRAIGHT_STATES = frozenset({"x", "y", "z", "phi", "theta", "psi", "u"})
@@ -151,10 +152,7 @@ def linearise_runs(
     """Paths of all runs, slopes by the parameters held as far as those of all together may be."""
     wide = len(model.kernel.channels) + points[0].states.shape[1] if points else 0
     held = runs_held([log.n for log in logs], wide, len(free))
-    return [
-        linearise(model, log, point, free, inputs, hold)
-        for log, point, hold in zip(logs, points, held, strict=True)
-    ]
+    return each(lambda log, point, hold: linearise(model, log, point, free, inputs, hold), logs, points, held)
 
 
 def linearise(

@@ -29,13 +29,27 @@ from bayesid.estimation.filter_error.parameter_slopes import blocks
 from bayesid.estimation.filter_error.regressor_columns import known_part
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.threads import each
 
 
 def stacked_equations(
     model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
 ) -> list[NormalEquations]:
     """Whitened normal matrix of every run, residual relative to the prior mean, columns per prior sd."""
-    return [run_equations(model, path, free, noise_model, run=k) for k, path in enumerate(paths)]
+    return each_run(model, paths, free, noise_model)
+
+
+def each_run(
+    model: Model,
+    paths: Sequence[Linearisation],
+    free: GaussianPrior,
+    noise_model: NoiseModel,
+    latent: LatentInputs | None = None,
+) -> list[NormalEquations]:
+    """`run_equations` of every run, with a generic latent signal where one is given."""
+    return each(
+        lambda path, k: run_equations(model, path, free, noise_model, latent, k), paths, range(len(paths))
+    )
 
 
 def run_equations(

@@ -21,6 +21,7 @@ from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel
 from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.threads import each
 
 # Angular frequencies looked at, in U/L: a vehicle hardly feels faster ones, and a period of more than seven
 # lengths is a slow force.
@@ -131,12 +132,13 @@ def stack_without(
     integrated out."""
     names = forces(model)
     size = PERIODIC_FORCE_SD * force_unit(model)
-    out = []
-    for k, path in enumerate(paths):
+
+    def of_run(path: Linearisation, k: int) -> NormalEquations:
         extra = None
         if frequencies:
             parts = [periodic_columns(path, f, names, size) for f in frequencies]
             extra = (np.concatenate([p[0] for p in parts], 2), np.concatenate([p[1] for p in parts], 2))
         g = run_equations(model, path, free, noise_model, latent, k, extra)
-        out.append(without(g, len(free.names)))
-    return out
+        return without(g, len(free.names))
+
+    return each(of_run, paths, range(len(paths)))

@@ -8,6 +8,7 @@ kept.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -51,6 +52,7 @@ class RegressorColumns:
 
 
 _kept: WeakKeyDictionary[Linearisation, RegressorColumns] = WeakKeyDictionary()
+_lock = Lock()  # of `_kept`
 
 
 def known(path: Linearisation, step: Array) -> tuple[Array, Array, Array]:
@@ -97,7 +99,8 @@ def regressor_columns(
     scale : (p,) unit of each column [SI]
     extra : further columns, direct (n, q, k) and drive (n-1, nx, k), e.g. secants
     """
-    old = _kept.get(path)
+    with _lock:
+        old = _kept.get(path)
     if old is not None and old.made_of(step, scale, extra):
         return old
     direct, psi = path.by_parameter.part(0, path.log.n)
@@ -115,10 +118,11 @@ def regressor_columns(
     out = RegressorColumns(columns, drives, firsts, step.copy(), scale.copy(), extra)
     if n > parameter_slopes.BLOCK:
         return out  # whitened once: sums over a long run are taken block by block
-    _kept[path] = out
-    room = MOST_BYTES - out.size
-    for other in reversed([k for k in _kept if k is not path]):
-        room -= _kept[other].size
-        if room < 0:
-            del _kept[other]
+    with _lock:
+        _kept[path] = out
+        room = MOST_BYTES - out.size
+        for other in reversed([k for k in _kept if k is not path]):
+            room -= _kept[other].size
+            if room < 0:
+                del _kept[other]
     return out

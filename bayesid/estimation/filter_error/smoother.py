@@ -42,7 +42,7 @@ def _even(p: np.ndarray) -> None:
             p[b, a] = mid
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def smooth_filtered(
     resid: np.ndarray,
     drive: np.ndarray,
