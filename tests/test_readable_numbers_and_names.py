@@ -19,9 +19,11 @@ from bayesid.trials.write import file_names, file_stem
 from bayesid.words import did_you_mean, digits
 
 
-def fit_that_moved(start, value, sd):
+def fit_that_moved(changes, sds):
+    names = tuple(f"N_{i}" for i in range(len(changes)))
+    start, change, sd = np.full(len(names), 2.0), np.array(changes), np.array(sds)
     fit = SimpleNamespace(
-        n_params=1, names=("N_r",), start=np.array([start]), z=np.array([value]), sd=np.array([sd])
+        n_params=len(names), names=names, start=start, z=start * (1 + change), sd=start * sd
     )
     return SimpleNamespace(fit=fit)
 
@@ -29,15 +31,29 @@ def fit_that_moved(start, value, sd):
 @pytest.mark.parametrize(
     ("change", "sd", "words"),
     [
-        (-3.412, 2.2, "N_r -341 ± 220 %"),
-        (15.0, 9.96, "N_r +1500 ± 1000 %"),
-        (0.903, 0.074, "N_r +90.3 ± 7.4 %"),
-        (-1e-10, 1e-9, "N_r 0 ± less than 0.01 %"),
-        (0.5, 11.0, "N_r +50 % (not determined)"),
+        (-3.412, 1.5, "N_0 -341 ± 150 %."),
+        (25.0, 9.96, "N_0 +2500 ± 1000 %."),
+        (0.903, 0.074, "N_0 +90.3 ± 7.4 %."),
+        (0.5, 0.0, "N_0 +50 ± less than 0.01 %."),
     ],
 )
 def test_how_far_a_coefficient_moves_is_written_out(change, sd, words):
-    assert moved(fit_that_moved(2.0, 2.0 * (1.0 + change), 2.0 * sd)) == words
+    assert moved(fit_that_moved([change], [sd])) == f"Moved, the surest first (with one sd): {words}"
+
+
+@pytest.mark.parametrize(("change", "sd"), [(0.5, 0.26), (0.5, np.inf), (-1e-10, 1e-12), (0.0, 0.0)])
+def test_what_moves_by_less_than_is_known_is_not_told(change, sd):
+    assert (
+        moved(fit_that_moved([change], [sd])) == "No coefficient moved by more than two standard deviations."
+    )
+
+
+def test_the_surest_move_comes_first_and_not_the_largest():
+    told = moved(fit_that_moved([5.0, 0.1, -0.3, 0.0], [2.0, 0.002, 0.1, 0.1]))
+    assert "N_1 +10 ± 0.2 %, N_2 -30 ± 10 %, N_0 +500 ± 200 %; no other of 4 by more than two sd." in told
+    six = moved(fit_that_moved([0.1 * k for k in range(1, 7)], [0.01] * 6))
+    assert six.index("N_5") < six.index("N_2") and six.endswith(", and 2 more.") and "N_1" not in six
+    assert moved(fit_that_moved([], [])) == ""
 
 
 def test_digits_write_out_what_is_large():

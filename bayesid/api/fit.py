@@ -253,7 +253,7 @@ class FitResult(Result):
         lines = [headline(found)]
         lines += effect_words(found)
         if words := moved(found):
-            lines.append(f"Moved most (with one sd): {words}.")
+            lines.append(words)
         lines += [f"CHECK FAILED: {text}" for text in failed_checks(found)]
         lines += [
             "",

@@ -20,6 +20,7 @@ from bayesid.errors import FitError, ModelError
 from bayesid.estimation.effect_gain import effect_gains
 from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
 from bayesid.estimation.likelihood.predictive_check import kind_of
+from bayesid.estimation.likelihood.smoothed_start import smoothed_start
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.onsets import begun_in_time
 from bayesid.estimation.output_error.fit_result import Fit
@@ -150,7 +151,11 @@ def fit_trial(
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
         options = replace(options, profile=not stated)
     kinds = {run.name: kind_of(run.manoeuvre) for run in trial.identify}
-    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts, kinds, say)
+    posed = problem
+    problem, result, posterior = weighted_fit(
+        problem, options, out, resume, watch, parts, kinds, say,
+        smoothed=lambda: smoothed_start(posed, trial.identify),
+    )  # fmt: skip
     found = _identified(model, trial, result)
     if out is not None:
         write_vehicle(found, Path(out) / "vehicle.toml")

@@ -25,7 +25,7 @@ from bayesid.words import counted, digits, first_few
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
 SAME = 1.1
-MOST_SPREAD = 10.0  # sd over the value, above which nothing is known of it
+MOVED = 2.0  # standard deviations
 LEAST_PERCENT = 0.01
 SIGN_TOLD = 2.0  # standard deviations from zero
 DEGREE = 180 / math.pi
@@ -87,25 +87,35 @@ def headline(found: TrialFit) -> str:
 
 
 def moved(found: TrialFit) -> str:
-    """Coefficients that move most, in words."""
+    """A sentence: which coefficients moved by more than their standard deviations allow, the surest first."""
     fit, k = found.fit, found.fit.n_params
-    rows = []
+    rows, asked = [], 0
     for i, name in enumerate(fit.names[:k]):
         if fit.start[i] and "." not in name:
+            asked += 1
             change = (fit.z[i] - fit.start[i]) / fit.start[i]
             sd = fit.sd[i] / abs(fit.start[i])
-            rows.append((abs(change), f"{name} {_percent(change, sd)}"))
+            if math.isfinite(sd) and abs(change) > MOVED * sd and abs(change) >= 0.01 * LEAST_PERCENT:
+                sure = abs(change) / sd if sd > 0.0 else math.inf
+                rows.append((sure, f"{name} {_percent(change, sd)}"))
+    if not rows:
+        return "No coefficient moved by more than two standard deviations." if asked else ""
     rows.sort(reverse=True)
-    return ", ".join(text for _, text in rows[:MOST_MOVED])
+    left = len(rows) - MOST_MOVED
+    if left > 0:
+        rest = f", and {left} more"
+    elif len(rows) < asked:
+        rest = f"; no other of {asked} by more than two sd"
+    else:
+        rest = ""
+    return f"Moved, the surest first (with one sd): {', '.join(text for _, text in rows[:MOST_MOVED])}{rest}."
 
 
 def _percent(change: float, sd: float) -> str:
-    """ "+90.3 ± 7.4 %", "-340 ± 220 %", "+50 % (not determined)"; below a hundredth of a percent is none."""
+    """ "+90.3 ± 7.4 %", "-340 ± 120 %"."""
     size = 100 * abs(change)
-    whole = digits(size, 3) if size >= LEAST_PERCENT else "0"
-    sign = "" if whole == "0" else "+" if change > 0 else "-"
-    if not (math.isfinite(sd) and sd < MOST_SPREAD):
-        return f"{sign}{whole} % (not determined)"
+    whole = digits(size, 3)
+    sign = "+" if change > 0 else "-"
     spread = digits(100 * sd, 2) if 100 * sd >= LEAST_PERCENT else f"less than {LEAST_PERCENT:g}"
     return f"{sign}{whole} ± {spread} %"
 
@@ -200,7 +210,7 @@ def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
     )
     blocks += [Text(literal(words)) for words in effect_words(found)]
     if words := moved(found):
-        blocks.append(Text(f"Moved most, with one standard deviation: {literal(words)}."))
+        blocks.append(Text(literal(words)))
     if steps:
         blocks.append(Section("What to do next", [Text("\n".join(f"- {s}" for s in steps))]))
     return blocks

@@ -44,6 +44,7 @@ def weighted_fit(
     parts: NoiseParts | None = None,
     kinds: Mapping[str, str] | None = None,
     say: Callable[[str], None] | None = None,
+    smoothed: Callable[[], np.ndarray | None] = lambda: None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
@@ -55,10 +56,13 @@ def weighted_fit(
     Parameters
     ----------
     folder : as in `fit`, but fit.json is there only once all is done; further fits write their iterates into
-        the sub-folders "balanced", weighted_<round> and "form"
+        the sub-folders "smoothed", "balanced", weighted_<round> and "form"
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
     kinds : run -> kind of its motion, for posterior predictive p
     say : as in `fit`, of the first search
+    smoothed : unknowns at an estimate along the smoothed path (`smoothed_start`). In 6 degrees of freedom the
+        first search begins there where the cost is lower than at the start values; in the plane a second one
+        does where the first did not converge
 
     Returns
     -------
@@ -68,7 +72,7 @@ def weighted_fit(
     """
     if folder is not None:  # one of an earlier fit would look like this one's
         (Path(folder) / "fit.json").unlink(missing_ok=True)
-    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts, say)
+    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts, say, smoothed)
     if parts is None and posterior is not None and result.converged:
         plain = noisy, result, posterior
         noisy, result, posterior = _with_form_if_asked(problem, options, folder, resume, watch, *plain)
@@ -138,9 +142,10 @@ def _without_form(
     watch: Callable[[int, float, float], None] | None,
     parts: NoiseParts | None,
     say: Callable[[str], None] | None = None,
+    smoothed: Callable[[], np.ndarray | None] = lambda: None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """`weighted_fit` for the parameters the problem has."""
-    first = fit(problem, options, folder, resume, watch, store=False, say=say)
+    first = _first(problem, options, folder, resume, watch, say, smoothed)
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
         first = _balanced(problem, options, first, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)
@@ -174,6 +179,33 @@ def _without_form(
             one_power = replace(posterior.parts, efficient=False)
             posterior = _posterior(problem, result.z, one_power, options.seed)
     return problem, _told(problem, first, result, posterior), posterior
+
+
+def _first(
+    problem: FitProblem,
+    options: FitOptions,
+    folder: str | os.PathLike[str] | None,
+    resume: bool,
+    watch: Callable[[int, float, float], None] | None,
+    say: Callable[[str], None] | None,
+    smoothed: Callable[[], np.ndarray | None],
+) -> Fit:
+    """Search with the stated noise, from where it arrives: whole runs of a vehicle that rolls and pitches
+    amplify errors of its coefficients."""
+
+    def lower() -> np.ndarray | None:
+        begin = smoothed()
+        return begin if begin is not None and problem.cost(begin) < problem.cost(problem.start) else None
+
+    led = problem.model.dof == 6
+    begin = lower() if led else None
+    first = fit(problem, options, folder, resume, watch, store=False, say=say, begin=begin)
+    if first.converged or led or (begin := lower()) is None:
+        return first
+    below = None if folder is None else Path(folder) / "smoothed"
+    again = fit(problem, options, below, resume, watch, store=False, begin=begin)
+    again = replace(again, seconds=first.seconds + again.seconds)
+    return min(again, first, key=lambda f: (not f.converged, f.cost))
 
 
 def _by_scores(

@@ -10,7 +10,7 @@ import hashlib
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,7 @@ def fit(
     note: Callable[[Iterate], None] | None = None,
     store: bool = True,
     say: Callable[[str], None] | None = None,
+    begin: Array | None = None,
 ) -> Fit:
     """Minimise the cost of a problem.
 
@@ -85,6 +86,7 @@ def fit(
     watch : called with (iterations done, cost, step)
     note : called with every `Iterate`; for studies of the search itself
     say : told in a sentence whether the search goes on from what the folder holds, where it holds anything
+    begin : unknowns at which the first search begins, within the bounds; by default the start values
 
     Raises
     ------
@@ -99,18 +101,18 @@ def fit(
     journal = IterateLog(
         Path(folder) / "iterates.jsonl" if folder else None,
         {
-            "digest": _digest(problem, options), "problem": problem.digest, "seed": options.seed,
+            "digest": _digest(problem, options, begin), "problem": problem.digest, "seed": options.seed,
             "names": list(problem.names),
         },
         resume,
     )  # fmt: skip
     try:
-        _check(problem, options, journal)
+        _check(problem, options, journal, begin)
         if say is not None and (words := _resumed_words(journal, options)):
             say(words)
         searches = [
             _search(problem, options, number, z0, journal, watch, note)
-            for number, z0 in enumerate(start_points(problem, options))
+            for number, z0 in enumerate(start_points(problem, options, begin))
         ]
     finally:
         journal.close()
@@ -119,16 +121,18 @@ def fit(
     for search in searches:
         clock.add(search.clock)
     result = _result(problem, options, best, searches, clock)
+    if begin is not None:
+        result = replace(result, cost_start=problem.with_sigma(result.sigma).cost(problem.start))
     if folder and store:
         result.save(Path(folder) / "fit.json")
     return result
 
 
-def start_points(problem: FitProblem, options: FitOptions) -> list[Array]:
-    """Starts (k,): the parameter set's own, then a scrambled Sobol design; initial states as the data
-    suggest.
+def start_points(problem: FitProblem, options: FitOptions, begin: Array | None = None) -> list[Array]:
+    """Starts (k,): the parameter set's own or the one given, then a scrambled Sobol design; initial states
+    there as the data suggest.
     """
-    points = [problem.start]
+    points = [problem.start if begin is None else begin]
     if options.starts > 1:
         k = len(problem.params.names)
         start, scale = problem.start[:k], problem.scale[:k]
@@ -233,17 +237,20 @@ def _search(
     return search
 
 
-def _digest(problem: FitProblem, options: FitOptions) -> str:
-    """Hash of problem and options: what an iterate belongs to."""
-    return hashlib.sha256(f"{problem.digest}|{options!r}".encode()).hexdigest()[:16]
+def _digest(problem: FitProblem, options: FitOptions, begin: Array | None) -> str:
+    """Hash of problem, options and start: what an iterate belongs to."""
+    out = hashlib.sha256(f"{problem.digest}|{options!r}".encode())
+    if begin is not None:
+        out.update(begin.tobytes())
+    return out.hexdigest()[:16]
 
 
-def _check(problem: FitProblem, options: FitOptions, journal: IterateLog) -> None:
+def _check(problem: FitProblem, options: FitOptions, journal: IterateLog, begin: Array | None) -> None:
     """Recompute the last cost of every start in a log; one that is not true makes the log worthless."""
     if not journal.found:
         return
     try:
-        for number, z0 in enumerate(start_points(problem, options)):
+        for number, z0 in enumerate(start_points(problem, options, begin)):
             search = _Search(problem, number, z0)
             _restore(search, journal.found)
             mine = [line for line in journal.found if line["start"] == number]

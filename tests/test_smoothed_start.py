@@ -1,0 +1,144 @@
+"""A search over whole runs that begins at a filter-error estimate arrives where one from afar does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.equations.model import build_model
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood.smoothed_start import smoothed_start
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.output_error.search import fit
+from bayesid.estimation.output_error.trial_setup import trial_problem
+from bayesid.estimation.parameters import coefficient_set
+from bayesid.estimation.trial_fit import fit_trial
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import observe, plan_run, simulate, steady_start
+from bayesid.trials.trial import Run, Trial
+
+SIGMA = {"x": 0.1, "y": 0.1, "z": 0.05, "phi": 0.004, "theta": 0.004, "psi": 0.004, "u": 0.01, "r": 0.004}
+FREE = ("Y_v", "Y_dr", "N_v|v|", "N_dr", "Z_w", "M_w", "M_ds", "M_q", "X_u|u|")
+FACTORS = {"Y_v": 1.15, "N_dr": 0.85, "M_w": 0.88, "Z_w": 1.1, "X_u|u|": 1.1}
+
+
+def trial_of(dof, name="remus100", seconds=80.0, factors=FACTORS, seed=1):
+    """Two runs of a vehicle whose coefficients are other than those of its file."""
+    vehicle = load_vehicle(name)
+    model = build_model(vehicle, dof)
+    nominal = dict(zip(model.kernel.parameters, model.nominal, strict=True))
+    par = model.with_values({n: f * nominal[n] for n, f in factors.items() if n in nominal})
+    rng, t, runs = np.random.default_rng(seed), np.arange(0.0, seconds, 0.5), []
+    rudder, plane = np.deg2rad(8.0), np.deg2rad(3.0)
+    for k, periods in enumerate(((9.0, 14.0), (13.0, 8.0))):
+        orders = {
+            "delta_r_cmd": rudder * np.sign(np.sin(2 * np.pi * t / periods[0])),
+            "delta_s_cmd": plane * np.sign(np.sin(2 * np.pi * t / periods[1] + 0.3)),
+            "n_cmd": np.full(t.size, vehicle.rpm_ref),
+        }
+        orders = {c: v for c, v in orders.items() if c.removesuffix("_cmd") in model.kernel.actuators}
+        plan = plan_run(model, t, orders)
+        readings = observe(model, par, plan, simulate(model, par, plan, steady_start(model)).states)
+        sigma = {c: s for c, s in SIGMA.items() if c in model.kernel.channels}
+        at = model.kernel.channels.index
+        data = {c: readings[:, at(c)] + s * rng.standard_normal(t.size) for c, s in sigma.items()}
+        runs.append(Run(f"run {k}", "steps", "identify", t, data, orders))
+    trial = Trial("pond", None, vehicle.name, dof, tuple(runs), noise=sigma)
+    truth = {n: f * nominal[n] for n, f in factors.items() if n in nominal}
+    return model, trial, {n: truth.get(n, nominal[n]) for n in FREE if n in nominal}
+
+
+def problem_of(model, trial, free=FREE):
+    names = [n for n in free if n in model.index]
+    return trial_problem(model, trial, coefficient_set(model, names))
+
+
+@pytest.mark.parametrize("dof", [3, 6])
+def test_it_lies_within_the_deviations_of_the_truth_where_the_given_coefficients_do_not(dof):
+    model, trial, truth = trial_of(dof)
+    problem = problem_of(model, trial)
+    z = smoothed_start(problem, trial.identify)
+    half = 0.5 * problem.n_readings
+    assert problem.cost(problem.start) > 10 * half
+    assert problem.cost(z) < 1.1 * half
+    names = problem.params.names
+    found = fit(problem, FitOptions(), begin=z)
+    assert found.converged
+    sd = found.sd[: len(names)]
+    away = (z[: len(names)] - np.array([truth[n] for n in names])) / sd
+    assert np.abs(away).max() < 4.0
+    assert found.cost_start == pytest.approx(problem.cost(problem.start))
+    np.testing.assert_array_equal(found.start, problem.start)
+
+
+def test_in_six_degrees_of_freedom_the_search_begins_there_and_ends_lower(tmp_path):
+    model, trial, _ = trial_of(6, factors=dict.fromkeys(("N_dr", "M_ds", "Y_v", "Z_w"), 0.5))
+    problem = problem_of(model, trial)
+    few = FitOptions(rounds=1, iterations=15, profile=False)
+    plain = weighted_fit(problem, few, parts=NoiseParts())[1]
+    begun: list[np.ndarray] = []
+
+    def smoothed():
+        begun.append(smoothed_start(problem, trial.identify))
+        return begun[-1]
+
+    found = weighted_fit(problem, few, parts=NoiseParts(), smoothed=smoothed)[1]
+    assert len(begun) == 1
+    assert found.converged and not plain.converged
+    assert found.cost < 0.6 * problem.n_readings < plain.cost
+    # an interrupted fit of another start is not gone on with
+    once = fit(problem, few, tmp_path, begin=begun[0])
+    lines = (tmp_path / "iterates.jsonl").read_text().count("iterate")
+    again = fit(problem, few, tmp_path, begin=begun[0])
+    np.testing.assert_array_equal(once.z, again.z)
+    assert (tmp_path / "iterates.jsonl").read_text().count("iterate") == lines
+    said: list[str] = []
+    fit(problem, few, tmp_path, begin=begun[0] * (1 + 1e-9), say=said.append)
+    assert said == ["begins anew: the iterates kept there are of another fit"]
+
+
+def test_in_the_plane_a_search_that_converges_asks_for_no_other_start():
+    model, trial, _ = trial_of(3)
+    problem = problem_of(model, trial)
+
+    def asked():
+        raise AssertionError
+
+    assert weighted_fit(problem, FitOptions(), parts=NoiseParts(), smoothed=asked)[1].converged
+
+
+def test_in_the_plane_a_search_that_does_not_arrive_is_begun_again_and_the_lower_end_stands(tmp_path):
+    model, trial, _ = trial_of(3)
+    problem = problem_of(model, trial)
+    few = FitOptions(rounds=1, iterations=2, profile=False)
+    plain = weighted_fit(problem, few, parts=NoiseParts())[1]
+    assert not plain.converged
+    found = weighted_fit(
+        problem, few, tmp_path, parts=NoiseParts(), smoothed=lambda: smoothed_start(problem, trial.identify)
+    )[1]
+    assert found.cost < plain.cost
+    assert (tmp_path / "smoothed" / "iterates.jsonl").exists()
+    worse = problem.start + 0.1 * problem.scale
+    assert problem.cost(worse) > problem.cost(problem.start)
+    kept = weighted_fit(problem, few, parts=NoiseParts(), smoothed=lambda: worse)[1]
+    assert kept.cost == plain.cost
+
+
+def test_none_where_parameters_are_tied_or_the_vehicle_cannot_follow():
+    model, trial, _ = trial_of(3)
+    tied = coefficient_set(model, ("N_dr",), ties={"Y_dr": ("N_dr", -1.0, 0.0)})
+    assert smoothed_start(trial_problem(model, trial, tied), trial.identify) is None
+    wild = [replace(r, data={**r.data, "r": -50.0 * r.data["r"]}) for r in trial.identify]
+    astray = replace(trial, runs=tuple(wild))
+    found = smoothed_start(problem_of(model, astray), astray.identify)
+    assert found is None or np.isfinite(found).all()
+
+
+def test_fit_trial_hands_it_the_runs_that_are_fitted():
+    model, trial, truth = trial_of(6)
+    held = replace(trial, runs=(trial.runs[0], replace(trial.runs[1], role="holdout")))
+    found = fit_trial(held, model.vehicle, free=[n for n in FREE if n in truth])
+    assert found.fit.converged
+    away = [(found.fit.values[n] - truth[n]) / found.fit.sd[found.fit.names.index(n)] for n in truth]
+    assert np.abs(away).max() < 4.0
