@@ -20,6 +20,7 @@ from bayesid.estimation.likelihood.posterior import asked_for, with_weight
 from bayesid.estimation.likelihood.residual_noise import ResidualNoise, autocovariance, residual_noise
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions, fit
+from bayesid.estimation.parameters import WIDE
 from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.model.params import ParameterSet
@@ -714,3 +715,41 @@ def test_a_wrong_vehicle_gets_a_larger_disturbance_and_errors_of_channels():
         assert max(wrong.level.values()) > 1.3 * max(right.level.values())
         assert not right.channel
         assert {"v", "r"} <= set(wrong.channel)
+
+
+@pytest.mark.parametrize("efficient", [False, True])
+def test_what_no_reading_tells_is_open_and_not_known(efficient):
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((3, 40, 4)) * np.array([1.0, 30.0, 2e3, 0.0])
+    columns[:, :, 1] = 30.0 * columns[:, :, 0]  # the second is the first once more, the fourth moves nothing
+    runs = []
+    for k, c in enumerate(columns):
+        h = c.T @ c
+        runs.append(RunScore(f"run {k}", h, h, c.T @ rng.standard_normal(40)))
+    spread = np.array([1.0, 2.0, 0.1, 3.0])
+    found = Composite(tuple(runs), np.zeros((4, 4)), np.zeros(4), spread).law(NoiseParts(efficient=efficient))
+    sd = np.sqrt(np.diag(found.covariance))
+    width = WIDE / np.sqrt(3.0)
+    # theta1 + 30 theta2 is known: along the rest theta1 reaches as far as theta2 lets it
+    open_pair = width / np.hypot(1 / spread[0], 1 / (30 * spread[1])) * np.array([1.0, 1 / 30])
+    np.testing.assert_allclose(sd[:2], open_pair, rtol=1e-3)
+    assert sd[3] == pytest.approx(width * spread[3])
+    assert sd[2] == pytest.approx(1 / np.sqrt(sum(r.information[2, 2] for r in runs)), rel=0.05)
+    along = np.array([1.0, 30.0, 0.0, 0.0])
+    assert along @ found.covariance @ along < 1.0
+    assert np.abs(found.mean[:2] / spread[:2]).max() < 1.0 and found.mean[3] == 0.0
+    known = found.covariance - found.unknown  # what is left open is no part of it
+    assert known[3, 3] == pytest.approx(0.0, abs=1e-9) and known[0, 0] < 1e-2 < found.covariance[0, 0]
+
+
+def test_what_a_prior_holds_is_not_open():
+    rng = np.random.default_rng(4)
+    columns = rng.standard_normal((2, 30, 2))
+    columns[:, :, 1] = columns[:, :, 0]
+    runs = tuple(
+        RunScore(f"run {k}", c.T @ c, c.T @ c, c.T @ rng.standard_normal(30)) for k, c in enumerate(columns)
+    )
+    prior = np.diag([4.0, 25.0])
+    found = Composite(runs, prior, np.zeros(2), np.array([0.5, 0.2])).law(NoiseParts())
+    whole = sum(r.information for r in runs) + prior
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(whole), rtol=1e-9)

@@ -142,7 +142,8 @@ def predictive_model(
     if found.posterior is None:
         raise ModelError("the fit has no posterior: the vehicle diverges at its estimate")
     chosen = spaced(found.trial.identify if runs is None else runs, MOST_RUNS)
-    wide, kept = found.posterior, found.posterior.no_wider_than_prior()
+    # what no run tells moves these runs by nothing; told of a new manoeuvre it would make most draws diverge
+    wide, kept = found.posterior.as_given_where_open(), found.posterior.no_wider_than_prior()
     alike = np.abs(np.log(kept.sd / wide.sd)).max() <= np.log(ALIKE)
     time = found.model.scales["L"] / found.model.scales["U"]
     calm = np.full(len(_axes(found)), CALM_LEVEL)

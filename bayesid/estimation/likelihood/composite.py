@@ -34,6 +34,7 @@ from scipy.linalg import cho_factor, cho_solve
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.run_information import RunInformation
+from bayesid.estimation.parameters import WIDE
 
 Array = np.ndarray
 # Eigenvalue of a score's covariance over its largest up to which a direction is one without data.
@@ -93,12 +94,15 @@ class Law(NamedTuple):
     mean, covariance : of the parameters
     response : (k, k) how the estimate follows the true value
     noise : (k, k) covariance of the estimate about that
+    unknown : (k, k) part of the covariance that is of directions of which neither readings nor prior say
+        anything
     """
 
     mean: Array
     covariance: Array
     response: Array
     noise: Array
+    unknown: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,16 +168,32 @@ class Composite:
         chosen = tuple(self.runs if runs is None else runs)
         if parts.efficient:
             a, score, _ = self.data(parts, chosen)
-            gain = inverse(a + self.prior_precision)
-            return Law(gain @ (score + self.prior_score), gain, gain @ a, gain @ a @ gain)
+            gain, unknown = self._held_and_open(a + self.prior_precision)
+            return Law(gain @ (score + self.prior_score), gain + unknown, gain @ a, gain @ a @ gain, unknown)
         h = sum((r.information for r in chosen), np.zeros_like(self.prior_precision))
         c = sum((self.score_covariance(r, parts) for r in chosen), np.zeros_like(self.prior_precision))
         g = sum((r.score for r in chosen), np.zeros_like(self.prior_score))
         w = parts.weight
-        gain = inverse(w * h + self.prior_precision)
+        gain, unknown = self._held_and_open(w * h + self.prior_precision)
         spread, pull = w * gain @ root(c), gain @ root(self.prior_precision)
         noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
-        return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
+        mean, covariance = gain @ (w * g + self.prior_score), noise + pull @ pull.T + unknown
+        return Law(mean, covariance, w * gain @ h, noise, unknown)
+
+    def _held_and_open(self, precision: Array) -> tuple[Array, Array]:
+        """Inverse of a precision in the directions it holds, and the covariance in those it leaves open: that
+        of coefficients as likely anywhere within bounds of the usual width, there.
+
+        The error of an estimate is nothing in a direction of which readings say nothing: they do not move it.
+        Taken for what is known of it, N_v was told as -21 +- 0.8 % where the runs left it open altogether.
+        """
+        basis, values, flat = _directions(precision)
+        gain = (basis / values) @ basis.T
+        if not flat.shape[1]:
+            return gain, np.zeros_like(gain)
+        reach = WIDE / np.sqrt(3.0) * self.spread
+        held = flat.T @ (flat / reach[:, None] ** 2)
+        return gain, flat @ np.linalg.solve(held, flat.T)
 
     def without_each(self, parts: NoiseParts) -> Iterator[tuple[RunScore, Law, Array]]:
         """Every run of several, with the estimate that the others give and their `prior_kept`."""
@@ -241,6 +261,17 @@ def root(matrix: Array) -> Array:
     scale = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _directions(matrix: Array) -> tuple[Array, Array, Array]:
+    """Directions (k, m) a symmetric positive matrix holds, what it holds them with (m,), and those (k, n) it
+    leaves open."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    kept = values > OPEN * max(float(values[-1]), 1e-300)
+    scaled = vectors / size[:, None]
+    return scaled[:, kept], values[kept], scaled[:, ~kept]
 
 
 def inverse(matrix: Array) -> Array:

@@ -48,7 +48,7 @@ PIECE = re.compile(r" \d+/\d+$")
 
 
 class OtherRuns(NamedTuple):
-    """What all runs but one say: mean (k,), covariance and `kept_prior` (k, k) [SI]."""
+    """What all runs but one say: mean (k,), covariance without what they leave open, `kept_prior` (k, k)."""
 
     mean: Array
     covariance: Array
@@ -76,6 +76,7 @@ class CoefficientPosterior:
     kept_prior : (k, k) covariance about the estimate of one that gives every reading the weight its noise
         leaves it, beside the prior [SI]: never wider than the prior, which `covariance`, the error of the
         estimate that was made, can be where residuals have memory
+    unknown : (k, k) part of the covariance in directions of which neither readings nor prior say anything
     left_out : run -> what the other runs say, to first order about the estimate; empty with a single run
     """
 
@@ -93,11 +94,16 @@ class CoefficientPosterior:
     low: Array
     high: Array
     kept_prior: Array
+    unknown: Array
     left_out: Mapping[str, OtherRuns] = field(default_factory=dict)
 
     def without(self, run: str) -> CoefficientPosterior:
         """What the other runs say; the posterior itself for a run it does not rest on."""
         return replace(self, **self.left_out[run]._asdict()) if run in self.left_out else self
+
+    def as_given_where_open(self) -> CoefficientPosterior:
+        """The same where directions that nothing tells stay at the estimate, as if they were known there."""
+        return replace(self, covariance=self.covariance - self.unknown, unknown=0.0 * self.unknown)
 
     def no_wider_than_prior(self) -> CoefficientPosterior:
         """The same with `kept_prior` for its covariance."""
@@ -244,8 +250,9 @@ def posterior_of_scores(
         low=problem.params.vector("low"),
         high=problem.params.vector("high"),
         kept_prior=composite.prior_kept(chosen) * unit,
+        unknown=found.unknown * unit,
         left_out={
-            run.name: OtherRuns(z[:k] + scale * law.mean, law.covariance * unit, kept * unit)
+            run.name: OtherRuns(z[:k] + scale * law.mean, (law.covariance - law.unknown) * unit, kept * unit)
             for run, law, kept in composite.without_each(chosen)
         },
     )
