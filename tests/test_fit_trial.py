@@ -7,13 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_smoothed_start import trial_of
 
 from bayesid.api.fit import FitResult, fit
+from bayesid.api.inputs import prepared
 from bayesid.api.predict import predict
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
-from bayesid.estimation.trial_fit import fit_trial, memory, outcomes, within_widths
+from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.read_run import output_error_run
+from bayesid.estimation.output_error.trial_setup import measured_base
+from bayesid.estimation.trial_fit import _head_state, fit_trial, memory, outcomes, within_widths
 from bayesid.manoeuvres import turn, zigzag
+from bayesid.model.params import ParameterSet
 from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
 from bayesid.report.fit_first_screen import unphysical
@@ -258,3 +264,28 @@ def test_a_long_list_of_unsure_coefficients_is_cut_in_the_sentence_and_whole_in_
     remarks = {row[0]: row[-1] for row in FitResult(unsure).coefficients()}
     assert all("less sure than the prior" in remarks[name] for name in FREE)
     assert not any("less sure" in row[-1] for row in FitResult(found).coefficients())
+
+
+def test_a_held_out_run_begins_where_its_readings_say_though_the_hull_is_unstable():
+    """Five Gauss-Newton steps ended 4 degrees a second off where the hull grows within the stretch."""
+    model, held, _ = trial_of(6, seconds=40.0, factors={})
+    run = held.runs[0]
+    data = output_error_run(model, run, held.noise, tuple(held.noise), True, held.measured_point)
+    alone = FitProblem(model, ParameterSet(()), (data,), measured_base(model, held))
+    far = replace(data, x0=data.x0 + 0.3 * np.where(np.isin(model.states, ("v", "r", "psi", "q")), 1.0, 0.0))
+    z = _head_state(alone, model, run)
+    again = _head_state(replace(alone, runs=(far,)), model, run)
+    assert np.abs((z - again) / data.initial_sd).max() < 0.05
+    at = data.initial.index("r")
+    assert abs(z[at]) < 3 * held.noise["r"]  # it began from straight ahead
+
+
+def test_quick_reads_whole_samples_and_no_reading_between_two():
+    _, trial, _ = trial_of(6, seconds=40.0)
+    for most, step in ((30, 1.5), (60, 1.0), (78, 1.0), (79, 0.5)):
+        thinned = prepared(trial, most=most)
+        for run, before in zip(thinned.runs, trial.runs, strict=True):
+            read = np.isfinite(run.data["psi"])
+            assert np.diff(run.t[read]) == pytest.approx(step)
+            assert read.sum() <= most + 1
+            assert set(run.data["psi"][read]) <= set(before.data["psi"])

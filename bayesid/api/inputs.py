@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from bayesid.equations.model import Model, build_model, without_effects
 from bayesid.errors import ManoeuvreError, ModelError, TrialError, VehicleError
 from bayesid.files import UnreadableError, read_regular
@@ -23,7 +25,7 @@ from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.model.vehicles.sufficient import has_rudder
-from bayesid.trials import Trial, load_trial, thin
+from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.measured_wind import in_measured_wind
@@ -118,11 +120,18 @@ def prepared(
     for run in trial.runs:
         if names is not None:
             run = replace(run, role="identify" if run.name in names else "holdout")
-        coarse = resample or (run.duration / most if most and run.n_samples > most else None)
+        coarse = resample or (_every(run, most) if most and run.n_samples > most else None)
         chosen.append(thin(run, coarse) if coarse else run)
     # thinned readings have lost the fast changes that tell
     derived = velocity_from_track(trial.identify) if resample else trial.velocity_from_track
     return replace(trial, runs=tuple(chosen), velocity_from_track=derived)
+
+
+def _every(run: Run, most: int) -> float:
+    """Whole number of sample steps [s] that leaves at most so many samples: a reading between two would have
+    less noise than is stated."""
+    step = float(np.median(np.diff(run.t)))
+    return step * math.ceil(run.duration / (most * step) - 1e-9)
 
 
 def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
