@@ -73,7 +73,12 @@ def each(function: Callable[..., R], *items: Iterable[object]) -> list[R]:
     waiting = [
         pool.submit(context.run, function, *call) for context, call in zip(contexts, calls, strict=True)
     ]
-    errors = [future.exception() for future in waiting]
+    try:
+        errors = [future.exception() for future in waiting]
+    except BaseException:  # Ctrl-C: what has not begun need not run before it ends
+        for future in waiting:
+            future.cancel()
+        raise
     for error in errors:
         if error is not None:
             raise error

@@ -22,10 +22,12 @@ from bayesid.words import did_you_mean, digits
 def fit_that_moved(changes, sds):
     names = tuple(f"N_{i}" for i in range(len(changes)))
     start, change, sd = np.full(len(names), 2.0), np.array(changes), np.array(sds)
-    fit = SimpleNamespace(
-        n_params=len(names), names=names, start=start, z=start * (1 + change), sd=start * sd
-    )
-    return SimpleNamespace(fit=fit)
+    return SimpleNamespace(fit=fit_of(names, start, start * (1 + change), start * sd))
+
+
+def fit_of(names, start, z, sd):
+    values = {"start": np.array(start), "z": np.array(z), "sd": np.array(sd)}
+    return SimpleNamespace(n_params=len(names), names=names, uncertainty={}, **values)
 
 
 @pytest.mark.parametrize(
@@ -54,6 +56,14 @@ def test_the_surest_move_comes_first_and_not_the_largest():
     six = moved(fit_that_moved([0.1 * k for k in range(1, 7)], [0.01] * 6))
     assert six.index("N_5") < six.index("N_2") and six.endswith(", and 2 more.") and "N_1" not in six
     assert moved(fit_that_moved([], [])) == ""
+
+
+def test_a_coefficient_that_was_nought_is_told_by_its_value():
+    told = moved(SimpleNamespace(fit=fit_of(("Y_0", "N_r"), [0.0, -2.0], [5.0, -2.1], [0.1, 1.0])))
+    first = "Moved, the surest first (with one sd): "
+    assert told == f"{first}Y_0 from 0 to 5 ± 0.1; no other of 2 by more than two sd."
+    told = moved(SimpleNamespace(fit=fit_of(("N_r",), [-2.0], [-2.5], [0.1])))
+    assert told == f"{first}N_r +25 ± 5 %."
 
 
 def test_digits_write_out_what_is_large():

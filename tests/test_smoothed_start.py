@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from bayesid.equations.model import build_model
+from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood import weighted_fit as weighted_fit_module
 from bayesid.estimation.likelihood.smoothed_start import smoothed_start
-from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.likelihood.weighted_fit import _first, weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.search import fit
 from bayesid.estimation.output_error.trial_setup import trial_problem
@@ -108,21 +110,112 @@ def test_in_the_plane_a_search_that_converges_asks_for_no_other_start():
     assert weighted_fit(problem, FitOptions(), parts=NoiseParts(), smoothed=asked)[1].converged
 
 
-def test_in_the_plane_a_search_that_does_not_arrive_is_begun_again_and_the_lower_end_stands(tmp_path):
+FEW = FitOptions(rounds=1, iterations=2, profile=False)
+
+
+def test_in_the_plane_a_search_that_does_not_arrive_is_begun_again_at_the_smoothed_path(tmp_path):
     model, trial, _ = trial_of(3)
     problem = problem_of(model, trial)
-    few = FitOptions(rounds=1, iterations=2, profile=False)
-    plain = weighted_fit(problem, few, parts=NoiseParts())[1]
+    plain = weighted_fit(problem, FEW, parts=NoiseParts())[1]
     assert not plain.converged
-    found = weighted_fit(
-        problem, few, tmp_path, parts=NoiseParts(), smoothed=lambda: smoothed_start(problem, trial.identify)
-    )[1]
+    begin = smoothed_start(problem, trial.identify)
+    found = weighted_fit(problem, FEW, tmp_path, parts=NoiseParts(), smoothed=lambda: begin)[1]
     assert found.cost < plain.cost
-    assert (tmp_path / "smoothed" / "iterates.jsonl").exists()
+    assert (tmp_path / "second" / "iterates.jsonl").exists()
     worse = problem.start + 0.1 * problem.scale
     assert problem.cost(worse) > problem.cost(problem.start)
-    kept = weighted_fit(problem, few, parts=NoiseParts(), smoothed=lambda: worse)[1]
+    kept = weighted_fit(problem, FEW, parts=NoiseParts(), smoothed=lambda: worse)[1]
     assert kept.cost == plain.cost
+
+
+def searches(monkeypatch, *ends):
+    """Searches end at these in turn (an error is raised); what they were asked."""
+    asked, left = [], list(ends)
+
+    def search(problem, options, folder, resume, watch, store, say=None, begin=None):
+        asked.append((options.starts, begin is not None))
+        end = left.pop(0)
+        if isinstance(end, Exception):
+            raise end
+        return end
+
+    monkeypatch.setattr(weighted_fit_module, "fit", search)
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("cost", "arrived", "second"),
+    [(0.0, True, True), (0.3, True, True), (5.0, True, False), (-5.0, False, True), (0.3, False, False)],
+)
+def test_the_likelier_of_two_ends_stands_and_of_the_same_the_one_that_arrived(
+    monkeypatch, cost, arrived, second
+):
+    model, trial, _ = trial_of(3)
+    problem = problem_of(model, trial)
+    first = fit(problem, FEW)
+    again = replace(first, cost=first.cost + cost, status="converged" if arrived else "budget", seconds=7.0)
+    asked = searches(monkeypatch, first, again)
+    begin = smoothed_start(problem, trial.identify)
+    found = _first(problem, replace(FEW, starts=3), None, True, None, None, lambda: begin)
+    assert asked == [(3, False), (1, True)]
+    assert (found.fit.status, found.begin is not None) == ((again if second else first).status, second)
+    assert found.fit.cost == (again if second else first).cost
+    assert found.fit.seconds == first.seconds + 7.0
+    assert len(found.fit.starts) == (2 if second else 1)
+
+
+def test_ends_under_noise_of_their_own_are_compared_by_likelihood_and_not_by_cost(monkeypatch):
+    model, trial, _ = trial_of(3)
+    problem = problem_of(model, trial)
+    first = replace(fit(problem, FEW), cost=39.0)
+    loud = {**first.sigma, "x": 10 * first.sigma["x"]}
+    first, again = replace(first, sigma=loud), replace(first, cost=400.0)
+    searches(monkeypatch, first, again)
+    begin = smoothed_start(problem, trial.identify)
+    found = _first(problem, FEW, None, True, None, None, lambda: begin).fit
+    readings = sum(np.isfinite(r.data["x"]).sum() for r in trial.identify)
+    assert readings * np.log(10.0) > 400.0 - 39.0  # the louder end is the less likely
+    assert found.sigma == again.sigma
+
+
+def test_a_second_search_that_fails_leaves_the_first(monkeypatch):
+    model, trial, _ = trial_of(3)
+    problem = problem_of(model, trial)
+    first = fit(problem, FEW)
+    begin = smoothed_start(problem, trial.identify)
+    for error in (FitError("no"), ModelError("it diverges")):
+        searches(monkeypatch, first, error)
+        assert _first(problem, FEW, None, True, None, None, lambda: begin).fit is first
+
+
+def test_in_six_degrees_of_freedom_a_search_that_does_not_arrive_begins_at_the_start_values_too(monkeypatch):
+    model, trial, _ = trial_of(6)
+    problem = problem_of(model, trial)
+    first = fit(problem, FEW)
+    assert not first.converged
+    begin = smoothed_start(problem, trial.identify)
+    again = replace(first, cost=first.cost - 9.0)
+    asked = searches(monkeypatch, first, again)
+    found = _first(problem, FEW, None, True, None, None, lambda: begin)
+    assert asked == [(1, True), (1, False)] and found.begin is None and found.fit.cost == again.cost
+    asked = searches(monkeypatch, first)
+    assert _first(problem, FEW, None, True, None, None, lambda: None).fit is first
+    assert asked == [(1, False)]
+
+
+def test_a_vehicle_that_diverges_as_given_is_fitted_from_where_it_does_not():
+    model, trial, truth = trial_of(3)
+    problem = problem_of(model, trial)
+    begin = smoothed_start(problem, trial.identify)
+    params = problem.params
+    start = params.start[params.names.index("X_u|u|")]
+    lost = problem.with_params(params.changed(["X_u|u|"], start=-1e4 * start, low=-np.inf, high=np.inf))
+    assert not np.isfinite(lost.cost(lost.start))
+    with pytest.raises(FitError, match="diverges"):
+        fit(lost, FEW)
+    found = fit(lost, FitOptions(), begin=begin)
+    assert found.converged and found.cost_start == np.inf
+    assert found.values["N_dr"] == pytest.approx(truth["N_dr"], rel=0.1)
 
 
 def test_none_where_parameters_are_tied_or_the_vehicle_cannot_follow():
@@ -131,8 +224,12 @@ def test_none_where_parameters_are_tied_or_the_vehicle_cannot_follow():
     assert smoothed_start(trial_problem(model, trial, tied), trial.identify) is None
     wild = [replace(r, data={**r.data, "r": -50.0 * r.data["r"]}) for r in trial.identify]
     astray = replace(trial, runs=tuple(wild))
-    found = smoothed_start(problem_of(model, astray), astray.identify)
-    assert found is None or np.isfinite(found).all()
+    problem = problem_of(model, astray)
+    found = smoothed_start(problem, astray.identify)
+    if found is not None:
+        k = len(problem.params.names)
+        inside = (problem.low[:k] <= found[:k]) & (found[:k] <= problem.high[:k])
+        assert inside.all() and problem.cost(found) < np.inf
 
 
 def test_fit_trial_hands_it_the_runs_that_are_fitted():

@@ -1,5 +1,8 @@
 """Runs taken several at a time give what they give one after the other."""
 
+import os
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 
@@ -12,6 +15,7 @@ from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank
 from bayesid.diagnosis.input import memory_needed as needed
+from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.regressor_columns import _kept
 from bayesid.threads import each, processors, several_threads
 
@@ -98,6 +102,42 @@ def test_a_diagnosis_computes_the_same_numbers_in_threads():
         np.testing.assert_array_equal(a.ss, b.ss)
     assert place.places == other_place.places
     assert place.masks == other_place.masks
+
+
+def test_after_a_stop_what_has_not_begun_is_not_done(monkeypatch):
+    begun, free = [], threading.Event()
+
+    def work(k):
+        begun.append(k)
+        assert free.wait(10.0)
+
+    def stopped(future, timeout=None):
+        free.set()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("concurrent.futures.Future.exception", stopped)
+    with several_threads(2), pytest.raises(KeyboardInterrupt):
+        each(work, range(400))
+    assert len(begun) < 400
+
+
+@pytest.mark.parametrize("wanted", [0, -3, 1.5, "2"])
+def test_a_number_of_threads_that_cannot_be_is_told(wanted):
+    model = model_of()
+    with pytest.raises(TrialError, match="a whole number of at least 1"):
+        threads_of(several_runs(model), model, wanted)
+
+
+def test_kernels_that_numba_may_not_compile_count_as_compiled():
+    code = (
+        "from bayesid.equations.model import build_model; from bayesid.model.vehicles import load_vehicle; "
+        "print(build_model(load_vehicle('remus100'), 3).kernel.compiled)"
+    )
+    still = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=still, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "True", done.stderr
 
 
 def test_no_more_threads_than_runs_and_memory(monkeypatch):

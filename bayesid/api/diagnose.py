@@ -14,6 +14,7 @@ from bayesid.api.inputs import (
     Names,
     TrialLike,
     VehicleLike,
+    compiling_words,
     condensed,
     declared_effects,
     model_of,
@@ -33,6 +34,7 @@ from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
+from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.places import NOWHERE, Places, places_of
@@ -124,11 +126,8 @@ def diagnose(
     if blown := wind_words(model.vehicle, logged):
         shown.note(blown)
 
-    if not model.kernel.compiled:
-        shown.note(
-            "equations: compiled for this kind of vehicle, once per machine (about "
-            f"{'ten seconds' if model.dof == 3 else 'a minute'}, within the first steps)"
-        )
+    if words := compiling_words(model):
+        shown.note(words)
 
     def used(of: Trial) -> Trial:
         return ready(of, model, resample, trust_input)
@@ -206,7 +205,15 @@ def ready(trial: Trial, model: Model, resample: float | None = None, trust_input
 
 
 def threads_of(trial: Trial, model: Model, wanted: int | None) -> int:
-    """Threads over the runs to identify: no more than there are runs, nor than there is memory for."""
+    """Threads over the runs to identify: no more than there are runs, nor than there is memory for.
+
+    Raises
+    ------
+    TrialError
+        if so many are wanted as cannot be
+    """
+    if wanted is not None and (not isinstance(wanted, int) or wanted < 1):
+        raise TrialError(f"threads is {wanted!r}; it is a whole number of at least 1")
     count = min(processors() if wanted is None else wanted, len(trial.identify))
     while count > 1 and not enough_memory(trial, model, count):
         count -= 1

@@ -12,6 +12,7 @@ from bayesid.api.inputs import (
     Names,
     TrialLike,
     VehicleLike,
+    compiling_words,
     condensed,
     declared_effects,
     names_of,
@@ -23,6 +24,7 @@ from bayesid.api.inputs import (
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed
 from bayesid.diagnosis.input import not_enough
+from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError, FitError, TrialError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
@@ -140,6 +142,8 @@ def fit(
     shown = progress or Progress(quiet=True)
     if blown := wind_words(ship, chosen):
         shown.note(blown)
+    if not ship.planar_only and chosen.dof == 6 and (words := compiling_words(build_model(ship, 6))):
+        shown.note(words)
     shown.expect(1 if out is None or quick else 2)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(

@@ -85,6 +85,16 @@ def model_of(
     return without_effects(model, names_of(exclude) or [])
 
 
+def compiling_words(model: Model) -> str:
+    """That the equations of this kind of vehicle are compiled first; empty where they are."""
+    if model.kernel.compiled:
+        return ""
+    time = "ten seconds" if model.dof == 3 else "a minute"
+    return (
+        f"equations: compiled for this kind of vehicle, once per machine (about {time}, in the first steps)"
+    )
+
+
 def names_of(names: Names) -> list[str] | None:
     """`"N_v, N_r,U"` or an iterable of names as a list, here of two; None stays None."""
     if names is None:

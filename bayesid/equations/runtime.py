@@ -75,6 +75,8 @@ class Kernel:
     def compiled(self) -> bool:
         """Whether the largest function, with all effects, is in the cache of this machine."""
         function = self.full.variational
+        if not hasattr(function, "stats"):  # numba is told to compile nothing
+            return True
         made = f"{Path(self.full.module.__file__ or '').stem}.{function.py_func.__name__}-*.nbi"
         return any(Path(function.stats.cache_path).glob(made))
 

@@ -90,14 +90,21 @@ def moved(found: TrialFit) -> str:
     """A sentence: which coefficients moved by more than their standard deviations allow, the surest first."""
     fit, k = found.fit, found.fit.n_params
     rows, asked = [], 0
+    form = form_rows_of(fit)
     for i, name in enumerate(fit.names[:k]):
-        if fit.start[i] and "." not in name:
-            asked += 1
-            change = (fit.z[i] - fit.start[i]) / fit.start[i]
-            sd = fit.sd[i] / abs(fit.start[i])
-            if math.isfinite(sd) and abs(change) > MOVED * sd and abs(change) >= 0.01 * LEAST_PERCENT:
-                sure = abs(change) / sd if sd > 0.0 else math.inf
-                rows.append((sure, f"{name} {_percent(change, sd)}"))
+        if "." in name or name in form:
+            continue
+        asked += 1
+        change, sd, size = fit.z[i] - fit.start[i], fit.sd[i], abs(fit.start[i])
+        least = 0.01 * LEAST_PERCENT * size
+        if not (math.isfinite(sd) and abs(change) > MOVED * sd and abs(change) >= least):
+            continue
+        told = (
+            _percent(math.copysign(change, change * fit.start[i]) / size, sd / size)
+            if size
+            else (f"from 0 to {digits(fit.z[i], 3)} ± {digits(sd, 2)}")
+        )
+        rows.append((abs(change) / sd if sd > 0.0 else math.inf, f"{name} {told}"))
     if not rows:
         return "No coefficient moved by more than two standard deviations." if asked else ""
     rows.sort(reverse=True)

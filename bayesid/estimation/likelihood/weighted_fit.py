@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,8 @@ from bayesid.estimation.output_error.search import FitOptions, fit
 ROUNDS, SAME_WEIGHT = 3, 0.1
 # Rms residual of a channel over its stated noise from which the noise is no measure of its errors.
 MISFIT = 1.5
+# Difference of log likelihood up to which two ends lie in the same valley.
+SAME_VALLEY = 0.5
 
 
 def weighted_fit(
@@ -56,13 +58,13 @@ def weighted_fit(
     Parameters
     ----------
     folder : as in `fit`, but fit.json is there only once all is done; further fits write their iterates into
-        the sub-folders "smoothed", "balanced", weighted_<round> and "form"
+        the sub-folders "second", "balanced", weighted_<round> and "form"
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
     kinds : run -> kind of its motion, for posterior predictive p
     say : as in `fit`, of the first search
     smoothed : unknowns at an estimate along the smoothed path (`smoothed_start`). In 6 degrees of freedom the
         first search begins there where the cost is lower than at the start values; in the plane a second one
-        does where the first did not converge
+        does where the first did not converge. The likelier end stands
 
     Returns
     -------
@@ -145,9 +147,10 @@ def _without_form(
     smoothed: Callable[[], np.ndarray | None] = lambda: None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """`weighted_fit` for the parameters the problem has."""
-    first = _first(problem, options, folder, resume, watch, say, smoothed)
+    arrived = _first(problem, options, folder, resume, watch, say, smoothed)
+    first = arrived.fit
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
-        first = _balanced(problem, options, first, folder, resume, watch)
+        first = _balanced(problem, options, arrived, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)
     result, posterior = first, _posterior(problem, first.z, parts, options.seed)
     weight = 1.0
@@ -181,6 +184,14 @@ def _without_form(
     return problem, _told(problem, first, result, posterior), posterior
 
 
+@dataclass(frozen=True, eq=False)
+class _Arrived:
+    """A search, and the unknowns it began at; None for the start values."""
+
+    fit: Fit
+    begin: np.ndarray | None
+
+
 def _first(
     problem: FitProblem,
     options: FitOptions,
@@ -189,23 +200,51 @@ def _first(
     watch: Callable[[int, float, float], None] | None,
     say: Callable[[str], None] | None,
     smoothed: Callable[[], np.ndarray | None],
-) -> Fit:
-    """Search with the stated noise, from where it arrives: whole runs of a vehicle that rolls and pitches
-    amplify errors of its coefficients."""
+) -> _Arrived:
+    """Search with the stated noise; where it does not converge a second one from elsewhere, and the likelier
+    end.
+
+    Whole runs of a vehicle that rolls and pitches amplify errors of its coefficients: there the first search
+    begins at the smoothed path, where that is nearer the readings, and the second at the start values. In the
+    plane it is the other way round, so that a fit that arrives from the start values is what it was.
+    """
 
     def lower() -> np.ndarray | None:
+        before = problem.cost(problem.start)
+        if watch is not None:
+            watch(0, before, 0.0)
         begin = smoothed()
-        return begin if begin is not None and problem.cost(begin) < problem.cost(problem.start) else None
+        return begin if begin is not None and problem.cost(begin) < before else None
 
     led = problem.model.dof == 6
     begin = lower() if led else None
     first = fit(problem, options, folder, resume, watch, store=False, say=say, begin=begin)
-    if first.converged or led or (begin := lower()) is None:
-        return first
-    below = None if folder is None else Path(folder) / "smoothed"
-    again = fit(problem, options, below, resume, watch, store=False, begin=begin)
-    again = replace(again, seconds=first.seconds + again.seconds)
-    return min(again, first, key=lambda f: (not f.converged, f.cost))
+    if first.converged:
+        return _Arrived(first, begin)
+    other = None if led else lower()
+    if begin is None and other is None:
+        return _Arrived(first, begin)
+    below = None if folder is None else Path(folder) / "second"
+    try:
+        again = fit(problem, replace(options, starts=1), below, resume, watch, store=False, begin=other)
+    except (FitError, ModelError):
+        return _Arrived(first, begin)
+    # costs of estimated noise are each in their own; of two ends in the same valley the one that arrived
+    gain = _likelihood(problem, again) - _likelihood(problem, first)
+    if gain > SAME_VALLEY or (gain > -SAME_VALLEY and again.converged):
+        again = replace(again, seconds=first.seconds + again.seconds, starts=(*first.starts, *again.starts))
+        return _Arrived(again, other)
+    return _Arrived(replace(first, seconds=first.seconds + again.seconds), begin)
+
+
+def _likelihood(problem: FitProblem, found: Fit) -> float:
+    """Log likelihood with prior at an estimate, under its own noise, up to a constant [nats]."""
+    logs = sum(
+        float(np.isfinite(run.readings[:, j]).sum()) * np.log(found.sigma[c])
+        for run in problem.runs
+        for j, c in enumerate(run.channels)
+    )
+    return -found.cost - float(logs)
 
 
 def _by_scores(
@@ -241,15 +280,18 @@ def _missed(found: Fit) -> bool:
 def _balanced(
     problem: FitProblem,
     options: FitOptions,
-    first: Fit,
+    arrived: _Arrived,
     folder: str | os.PathLike[str] | None,
     resume: bool,
     watch: Callable[[int, float, float], None] | None,
 ) -> Fit:
-    """Fit from the start values whose channels weigh as their residuals do, at most as their stated noise."""
+    """Fit from where the first one began whose channels weigh as their residuals do, at most as their stated
+    noise."""
+    first = arrived.fit
     below = None if folder is None else Path(folder) / "balanced"
     try:
-        found = fit(problem, replace(options, profile=True), below, resume, watch, store=False)
+        profiled = replace(options, profile=True)
+        found = fit(problem, profiled, below, resume, watch, store=False, begin=arrived.begin)
     except (FitError, ModelError):
         return first
     if not found.converged:

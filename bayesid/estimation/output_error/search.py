@@ -91,10 +91,10 @@ def fit(
     Raises
     ------
     FitError
-        if the vehicle diverges at the start values
+        if the vehicle diverges where the search begins
     """
     options = options or FitOptions()
-    if not np.isfinite(problem.cost(problem.start)):
+    if not np.isfinite(problem.cost(problem.start if begin is None else begin)):
         raise FitError(
             "the simulated vehicle diverges at the start values; check signs and units of the coefficients"
         )
