@@ -18,6 +18,7 @@ from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run import diagnose
+from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError, ModelError
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import linearise, with_forces
@@ -26,11 +27,12 @@ from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
-from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
 from bayesid.prediction import prediction
 from bayesid.prediction.fitted_model import Calibration, diverging_draws
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import (
+    as_given,
     band_checks,
     beside_readings,
     measure_bands,
@@ -42,7 +44,7 @@ from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict
 from bayesid.progress import Progress
 from bayesid.report.fit import diverging_words
 from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
-from bayesid.simulation import observe, plan_run, simulate, steady_start
+from bayesid.simulation import observe, plan_run, run_manoeuvre, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
 MODEL = model_of("remus100")
@@ -269,6 +271,34 @@ def test_measures_of_a_manoeuvre_come_with_bands():
     exact = predict_manoeuvre(found_with(1e-9, SEA.scaled(0.0)), "z", parse("zigzag:10/10", scale), draws=20)
     narrow = {m["quantity"]: m for m in measure_bands(exact, measure)}["overshoot 1"]
     assert narrow["high"] - narrow["low"] < 1e-3 * (first["high"] - first["low"])
+
+
+def test_a_vertical_zigzag_is_measured_by_the_planes_of_every_vehicle():
+    """By those of the first draw the vehicle as given overshot by 8.4 degrees in place of 4.8."""
+    model = build_model(load_vehicle("remus100"), 6)
+    names, scale = ("M_w", "M_ds"), np.array([0.1, 0.1])
+    given = model.nominal[model.positions(names)]
+    calm = NoiseModel((0.0,) * 6, 3.0, 0.0, 25.0)
+    spread = np.diag((scale * given) ** 2)
+    law = WeightedHypothesis(
+        (), 1.0, names, 1.1 * given, spread, given - np.inf, given + np.inf, calm, np.zeros(2)
+    )
+    found = DiagnosedModel(model, (law,), {}, "fit", "")
+    speed = self_propulsion_speed(model.vehicle, model.vehicle.rpm_ref)
+    scales = Scale(model.vehicle.L, speed, model.vehicle.rpm_ref, 0.3, 0.3, 6, 0.1)
+    manoeuvre = parse("vzigzag:8/8", scales)
+    predicted = predict_manoeuvre(found, "vzigzag:8/8", manoeuvre, draws=6)
+    assert predicted.orders["delta_s_cmd"].shape == (6, predicted.t.size)
+    x0 = np.zeros(len(model.states))
+    x0[model.states.index("u")] = balanced_speed(model, model.nominal[None], model.vehicle.rpm_ref)[0]
+    track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0)
+    data = {"theta": track.states[:, model.states.index("theta")], "delta_s": commands["delta_s_cmd"]}
+    own = {q: v for result in measure("vzigzag", track.t, data) for q, v, _ in result["rows"]}
+    told = {m["quantity"]: m["mean"] for m in measure_bands(as_given(predicted), measure)}
+    for quantity in ("switch", "overshoot 1", "overshoot 2", "period"):
+        assert told[quantity] == pytest.approx(own[quantity], rel=1e-6)
+    periods = [m for m in measure_bands(predicted, measure) if m["quantity"] == "period"]
+    assert periods[0]["high"] > periods[0]["low"]
 
 
 def test_a_draw_that_is_carried_to_the_other_side_has_no_diameter():

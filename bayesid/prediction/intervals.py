@@ -168,7 +168,7 @@ def measure_bands(p: Prediction, measure: Measure, level: float = INTERVAL_LEVEL
     for k, draw in enumerate(p.draws):
         data = fixed | {c: draw[:, j] for j, c in enumerate(p.channels)}
         if p.orders is not None:
-            data["delta_r"] = p.orders[k]
+            data |= {n.removesuffix("_cmd"): v[k] for n, v in p.orders.items()}
         for result in measure(f"{p.manoeuvre} {p.name}", p.t, data):
             if any(quantity.endswith(DIAMETER) and value <= 0.0 for quantity, value, _ in result["rows"]):
                 continue  # it is carried to the other side than it turns to: no circle to measure
@@ -221,9 +221,9 @@ def told_measures(p: Prediction, measure: Measure) -> list[dict[str, Any]]:
     ]
 
 
-def _alone(p: Prediction, readings: Array, orders: Array | None) -> Prediction:
+def _alone(p: Prediction, readings: Array, orders: Mapping[str, Array] | None) -> Prediction:
     """The same of one vehicle: one draw, no band."""
-    one = None if orders is None else orders[None]
+    one = None if orders is None else {n: v[None] for n, v in orders.items()}
     return replace(p, draws=readings[None], orders=one, vehicles=np.zeros(1, dtype=np.int64), centres=())
 
 
@@ -247,17 +247,20 @@ def thinned(p: Prediction, every: int) -> Prediction:
     """Every so many-th sample of a prediction, for tables that need not be as fine as the simulation."""
     pick = slice(None, None, every)
 
+    def picked(orders: Mapping[str, Array] | None) -> Mapping[str, Array] | None:
+        return None if orders is None else {n: np.asarray(v)[..., pick] for n, v in orders.items()}
+
     def fewer(c: Centre) -> Centre:
-        return replace(c, readings=c.readings[pick], orders=None if c.orders is None else c.orders[pick])
+        return replace(c, readings=c.readings[pick], orders=picked(c.orders))
 
     return replace(
         p,
         t=p.t[pick],
         draws=p.draws[:, pick],
-        commands={n: np.asarray(v)[pick] for n, v in p.commands.items()},
-        orders=None if p.orders is None else p.orders[:, pick],
+        commands=picked(p.commands) or {},
+        orders=picked(p.orders),
         given=None if p.given is None else p.given[pick],
-        given_orders=None if p.given_orders is None else p.given_orders[pick],
+        given_orders=picked(p.given_orders),
         centres=tuple(map(fewer, p.centres)),
         estimate=None if p.estimate is None else fewer(p.estimate),
     )

@@ -47,11 +47,11 @@ MOST_DIVERGED = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """One explanation as it is, undisturbed: its weight, readings (n, q), orders in a closed loop (n,)."""
+    """One explanation as it is, undisturbed: its weight, readings (n, q), in a closed loop (n,) orders."""
 
     weight: float
     readings: Array
-    orders: Array | None = None
+    orders: Mapping[str, Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +65,12 @@ class Prediction:
     channels : (q,) names
     draws : (k, n, q) readings without white noise [SI]
     commands : name -> (n,) orders; in a closed loop those of the first draw
-    orders : (k, n) rudder orders of every draw in a closed loop, None otherwise
+    orders : name -> (k, n) orders of every draw in a closed loop, None otherwise
     lead : length of the lead-in whose readings were used [s], 0 for a manoeuvre
     lost : draws that diverged
     noise : (q,) white noise of the sensors, nan where none is known
     given : (n, q) the vehicle as given, without disturbance; None where it diverges or ends at another time
-    given_orders : (n,) its rudder orders in a closed loop, None otherwise
+    given_orders : name -> (n,) its orders in a closed loop, None otherwise
     vehicles : (k,) which of the drawn vehicles each draw is; all of them, in order, by default
     occasion : number of the run among those the vehicles are followed through
     centres : explanations with coefficients as given, or the estimate of a fit of whose draws some diverge:
@@ -84,12 +84,12 @@ class Prediction:
     channels: tuple[str, ...]
     draws: Array
     commands: Mapping[str, Array]
-    orders: Array | None
+    orders: Mapping[str, Array] | None
     lead: float
     lost: int
     noise: Array
     given: Array | None = None
-    given_orders: Array | None = None
+    given_orders: Mapping[str, Array] | None = None
     vehicles: Array = None  # type: ignore[assignment]
     occasion: int = 0
     centres: tuple[Centre, ...] = ()
@@ -217,7 +217,7 @@ def predict_run(
     )._about_estimate()  # fmt: skip
 
 
-Undisturbed = Callable[[Array, NoiseModel], tuple[Array, Array | None] | None]
+Undisturbed = Callable[[Array, NoiseModel], tuple[Array, Mapping[str, Array] | None] | None]
 
 
 def _centres(found: DiagnosedModel, undisturbed: Undisturbed) -> tuple[Centre, ...]:
@@ -336,10 +336,9 @@ def predict_manoeuvre(
     rpm = _first_rpm(model, manoeuvre)
     manoeuvre = ordered_with_shaft_speed(manoeuvre, rpm)
     kept: list[Array] = []
-    rudders: list[Array] = []
+    ordered: list[Mapping[str, Array]] = []
     whole: list[int] = []
     number = -1
-    first: Mapping[str, Array] = {}
     t = np.asarray(manoeuvre.t)
     for h, pars in found.draw(rng, draws):
         speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, rpm)
@@ -354,19 +353,19 @@ def predict_manoeuvre(
             )
             kept.append(obs)
             whole.append(number)
-            rudders.append(np.asarray(commands.get("delta_r_cmd", np.zeros(t.size))))
-            first = first or commands
+            ordered.append(commands)
     _enough(name, len(kept), draws)
     closed = not isinstance(manoeuvre, OpenLoop)
+    orders = {name: np.array([one[name] for one in ordered]) for name in ordered[0]} if closed else None
 
-    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, Array | None] | None:
+    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, Mapping[str, Array] | None] | None:
         made = _undisturbed_manoeuvre(model, par, manoeuvre, speed, rpm, picked, t.size)
         return None if made is None else (made[0], made[1] if closed else None)
 
     given, given_orders = undisturbed(model.nominal, found.hypotheses[0].noise_model) or (None, None)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     return Prediction(
-        name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
+        name, manoeuvre.name, t, channels, np.array(kept), ordered[0], orders, 0.0,
         draws - len(kept), noise, given, given_orders, np.array(whole, dtype=np.int64),
         centres=_centres(found, undisturbed), estimate=_estimate(found, undisturbed),
     )._about_estimate()  # fmt: skip
@@ -380,8 +379,8 @@ def _undisturbed_manoeuvre(
     rpm: float,
     picked: list[int],
     n: int,
-) -> tuple[Array, Array] | None:
-    """Readings (n, q) of one vehicle without disturbance, and its rudder orders (n,)."""
+) -> tuple[Array, Mapping[str, Array]] | None:
+    """Readings (n, q) of one vehicle without disturbance, and its orders, (n,) each."""
     try:
         begin = speed if speed is not None else float(balanced_speed(model, par[None], rpm)[0])
         x0 = np.zeros(len(model.states))
@@ -392,7 +391,7 @@ def _undisturbed_manoeuvre(
         return None
     if len(obs) != n or not np.isfinite(obs).all():
         return None
-    return obs, np.asarray(commands.get("delta_r_cmd", np.zeros(n)))
+    return obs, commands
 
 
 def _simulated(
