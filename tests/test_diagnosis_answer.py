@@ -358,15 +358,28 @@ def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty(
     assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
 
 
-def test_re_tuning_is_advised_for_the_coefficients_that_are_listed():
-    """Of nine that moved; by their stated deviations alone the six would be others."""
+def test_re_tuning_is_advised_for_all_coefficients_that_surely_moved_of_which_six_are_listed():
+    """By their stated deviations alone the six would be others. A fit that kept the others took what they do
+    for a force that the equations lack and missed a held-out turn by 8 degrees."""
     runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
     moved = {f"N_{i}": Moved(-1.0, 0.1, -1.1 - 0.1 * i, -1.0, 0.001 * (i + 1) ** 2) for i in range(1, 10)}
     found = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved))
     (advice,) = (step for step in found.steps if "--free" in step)
     listed = [text.split()[0] for text in found.moved]
-    assert len(listed) == 6 and f"--free {','.join(listed)} " in advice
     assert listed == [f"N_{i}" for i in range(1, 7)]
+    assert f"--free {','.join([*listed, 'N_7', 'N_8', 'N_9'])} " in advice
+
+
+def test_what_moves_within_its_stated_uncertainty_is_freed_but_not_listed():
+    runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
+    moved = {
+        "N_dr": Moved(-1.0, 0.2, -1.4, -1.4, 0.01),
+        "N_r": Moved(-1.0, 0.2, -1.05, -1.0, 0.01),
+        "N_v": Moved(-1.0, 0.2, -1.01, -1.0, 0.01),
+    }
+    found = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved))
+    assert [text.split()[0] for text in found.moved] == ["N_dr"]
+    assert any("--free N_dr,N_r --out" in step for step in found.steps)
 
 
 def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():

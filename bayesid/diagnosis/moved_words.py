@@ -1,6 +1,7 @@
 """Coefficients that a diagnosis moves, in words: how far, how sure, and the option of a fit that frees them.
 
-Takes a `Result`. Which are told and which are freed is one choice.
+Takes a `Result`. All are freed that the runs move for sure, told are the first few of those that leave their
+stated uncertainty: a fit that keeps one of the others takes what it does for a force the equations lack.
 """
 
 from __future__ import annotations
@@ -21,16 +22,21 @@ def retuned(result: Result) -> bool:
 
 
 def _surely_moved(result: Result) -> list[str]:
-    """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
+    """Coefficients that the runs move for sure, the surest first.
 
     By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
     """
-    told = {
+    sure = {
         name: m.deviations
         for name, m in result.moved.items()
-        if m.prior_sd > 0 and m.given and _stated_deviations(m) >= LEAST_MOVED and not m.open
+        if m.prior_sd > 0 and m.given and not m.open and (m.retuned_sd is not None or _leaves(m))
     }
-    return sorted(told, key=lambda name: -told[name])[:MOST_MOVED]
+    return sorted(sure, key=lambda name: -sure[name])
+
+
+def _leaves(m: Moved) -> bool:
+    """Whether it leaves its stated uncertainty."""
+    return _stated_deviations(m) >= LEAST_MOVED
 
 
 def _stated_deviations(m: Moved) -> float:
@@ -41,7 +47,8 @@ def moved_words(result: Result) -> tuple[str, ...]:
     """Coefficients that the runs move out of their stated uncertainty, and how far, by re-tuning and with the
     explanation where it does not keep them as given; the surest first."""
     out, both = [], bool(explanation(result)) and retuned(result)
-    for name in _surely_moved(result):
+    told = [name for name in _surely_moved(result) if _leaves(result.moved[name])]
+    for name in told[:MOST_MOVED]:
         m = result.moved[name]
         with_it = f", explained {_change(m.explained, m.given)}" if both else ""
         out.append(
@@ -72,7 +79,7 @@ def moved_title(result: Result) -> str:
 
 
 def freeing(result: Result) -> str:
-    """The option of a fit that frees the coefficients which are told to have moved; a log seldom determines
-    all of a vehicle's."""
+    """The option of a fit that frees the coefficients which surely moved; a log seldom determines all of a
+    vehicle's."""
     names = _surely_moved(result)
     return f" --free {','.join(names)}" if names else ""
