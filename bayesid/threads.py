@@ -20,7 +20,6 @@ from typing import ParamSpec, TypeVar
 from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
-T = TypeVar("T")
 R = TypeVar("R")
 
 _pool: ContextVar[ThreadPoolExecutor | None] = ContextVar("pool", default=None)

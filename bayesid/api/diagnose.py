@@ -125,7 +125,6 @@ def diagnose(
     shown = progress or Progress(quiet=True)
     if blown := wind_words(model.vehicle, logged):
         shown.note(blown)
-
     if words := compiling_words(model):
         shown.note(words)
 

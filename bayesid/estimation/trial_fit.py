@@ -248,14 +248,16 @@ def _head_state(alone: FitProblem, model: Model, run: Run) -> Array:
     readings = np.where((run.t - run.t[0] <= until)[:, None], data.readings, np.nan)
     head = replace(alone, runs=(replace(data, readings=readings),))
     start = np.array(head.start)
-    if not np.isfinite(head.cost(start)):
+    try:
+        far = np.full(head.residuals(start).shape, DIVERGED)
+    except ModelError:
         return start
 
     def residuals(z: Array) -> Array:
         try:
             return head.residuals(z)
         except ModelError:
-            return np.full(head.residuals(start).shape, DIVERGED)
+            return far
 
     try:
         found = least_squares(

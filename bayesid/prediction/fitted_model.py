@@ -142,9 +142,10 @@ def predictive_model(
     if found.posterior is None:
         raise ModelError("the fit has no posterior: the vehicle diverges at its estimate")
     chosen = spaced(found.trial.identify if runs is None else runs, MOST_RUNS)
-    # what no run tells moves these runs by nothing; told of a new manoeuvre it would make most draws diverge
+    # what no run tells moves none of these runs; in a new manoeuvre it would make most draws diverge
     wide, kept = found.posterior.as_given_where_open(), found.posterior.no_wider_than_prior()
-    alike = np.abs(np.log(kept.sd / wide.sd)).max() <= np.log(ALIKE)
+    seen = (wide.sd > 0) & (kept.sd > 0)
+    alike = np.abs(np.log(kept.sd[seen] / wide.sd[seen])).max(initial=0.0) <= np.log(ALIKE)
     time = found.model.scales["L"] / found.model.scales["U"]
     calm = np.full(len(_axes(found)), CALM_LEVEL)
     settings = [_Setting(found, p, TAUS[1] * time, calm, {}) for p in ((wide,) if alike else (wide, kept))]

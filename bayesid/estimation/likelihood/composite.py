@@ -91,18 +91,22 @@ class RunScore:
 class Law(NamedTuple):
     """Estimate of the parameters and its error, deviations from theta0 in units of scale.
 
-    mean, covariance : of the parameters
+    mean : of the parameters
     response : (k, k) how the estimate follows the true value
     noise : (k, k) covariance of the estimate about that
-    unknown : (k, k) part of the covariance that is of directions of which neither readings nor prior say
-        anything
+    known, unknown : (k, k) covariance of the parameters in directions that readings or prior hold, and in
+        those of which neither says anything; `covariance` is the sum
     """
 
     mean: Array
-    covariance: Array
+    known: Array
     response: Array
     noise: Array
     unknown: Array
+
+    @property
+    def covariance(self) -> Array:
+        return self.known + self.unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +173,7 @@ class Composite:
         if parts.efficient:
             a, score, _ = self.data(parts, chosen)
             gain, unknown = self._held_and_open(a + self.prior_precision)
-            return Law(gain @ (score + self.prior_score), gain + unknown, gain @ a, gain @ a @ gain, unknown)
+            return Law(gain @ (score + self.prior_score), gain, gain @ a, gain @ a @ gain, unknown)
         h = sum((r.information for r in chosen), np.zeros_like(self.prior_precision))
         c = sum((self.score_covariance(r, parts) for r in chosen), np.zeros_like(self.prior_precision))
         g = sum((r.score for r in chosen), np.zeros_like(self.prior_score))
@@ -177,8 +181,8 @@ class Composite:
         gain, unknown = self._held_and_open(w * h + self.prior_precision)
         spread, pull = w * gain @ root(c), gain @ root(self.prior_precision)
         noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
-        mean, covariance = gain @ (w * g + self.prior_score), noise + pull @ pull.T + unknown
-        return Law(mean, covariance, w * gain @ h, noise, unknown)
+        mean = gain @ (w * g + self.prior_score)
+        return Law(mean, noise + pull @ pull.T, w * gain @ h, noise, unknown)
 
     def _held_and_open(self, precision: Array) -> tuple[Array, Array]:
         """Inverse of a precision in the directions it holds, and the covariance in those it leaves open: that
@@ -202,11 +206,12 @@ class Composite:
             yield run, self.law(parts, others), self.prior_kept(parts, others)
 
     def prior_kept(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> Array:
-        """(k, k) covariance where every reading has the weight its noise leaves it: never above the prior's.
+        """(k, k) covariance where every reading has the weight its noise leaves it: never above the prior's,
+        and nothing in directions that neither holds.
 
         `law` is the error of an estimate made with one power for all, which forgets what the prior knew.
         """
-        return inverse(self.data(parts, runs)[0] + self.prior_precision)
+        return self._held_and_open(self.data(parts, runs)[0] + self.prior_precision)[0]
 
     def left_out_costs(self, parts: NoiseParts) -> Array:
         """(n,) cost of every run at the estimate the others give, over that at theta0.
@@ -276,11 +281,9 @@ def _directions(matrix: Array) -> tuple[Array, Array, Array]:
 
 def inverse(matrix: Array) -> Array:
     """Inverse of a symmetric positive matrix whose units differ; flat directions get that of rounding."""
-    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    scaled = vectors / np.sqrt(np.maximum(values, 1e-12 * max(float(values[-1]), 1e-300)))
-    return (scaled @ scaled.T) / np.outer(size, size)
+    held, values, flat = _directions(matrix)
+    least = OPEN * max(float(values[-1]), 1e-300) if values.size else 1e-300
+    return (held / values) @ held.T + flat @ flat.T / least
 
 
 def run_scores(

@@ -76,7 +76,8 @@ class CoefficientPosterior:
     kept_prior : (k, k) covariance about the estimate of one that gives every reading the weight its noise
         leaves it, beside the prior [SI]: never wider than the prior, which `covariance`, the error of the
         estimate that was made, can be where residuals have memory
-    unknown : (k, k) part of the covariance in directions of which neither readings nor prior say anything
+    known, unknown : (k, k) parts of the covariance in directions that readings or prior hold, and in those of
+        which neither says anything
     left_out : run -> what the other runs say, to first order about the estimate; empty with a single run
     """
 
@@ -94,6 +95,7 @@ class CoefficientPosterior:
     low: Array
     high: Array
     kept_prior: Array
+    known: Array
     unknown: Array
     left_out: Mapping[str, OtherRuns] = field(default_factory=dict)
 
@@ -103,7 +105,7 @@ class CoefficientPosterior:
 
     def as_given_where_open(self) -> CoefficientPosterior:
         """The same where directions that nothing tells stay at the estimate, as if they were known there."""
-        return replace(self, covariance=self.covariance - self.unknown, unknown=0.0 * self.unknown)
+        return replace(self, covariance=self.known, unknown=0.0 * self.unknown)
 
     def no_wider_than_prior(self) -> CoefficientPosterior:
         """The same with `kept_prior` for its covariance."""
@@ -250,9 +252,10 @@ def posterior_of_scores(
         low=problem.params.vector("low"),
         high=problem.params.vector("high"),
         kept_prior=composite.prior_kept(chosen) * unit,
+        known=found.known * unit,
         unknown=found.unknown * unit,
         left_out={
-            run.name: OtherRuns(z[:k] + scale * law.mean, (law.covariance - law.unknown) * unit, kept * unit)
+            run.name: OtherRuns(z[:k] + scale * law.mean, law.known * unit, kept * unit)
             for run, law, kept in composite.without_each(chosen)
         },
     )

@@ -27,7 +27,7 @@ from bayesid.estimation.likelihood.predictive_check import predictive_p
 from bayesid.estimation.likelihood.score_step import efficient_estimate, with_settled_starts
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
-from bayesid.estimation.output_error.search import FitOptions, fit
+from bayesid.estimation.output_error.search import FitOptions, fit, minus_log_likelihood
 
 # Rounds of noise and fit, and change of the logarithm of the weight that counts as none.
 ROUNDS, SAME_WEIGHT = 3, 0.1
@@ -230,21 +230,11 @@ def _first(
     except (FitError, ModelError):
         return _Arrived(first, begin)
     # costs of estimated noise are each in their own; of two ends in the same valley the one that arrived
-    gain = _likelihood(problem, again) - _likelihood(problem, first)
+    gain = minus_log_likelihood(problem, first) - minus_log_likelihood(problem, again)
     if gain > SAME_VALLEY or (gain > -SAME_VALLEY and again.converged):
         again = replace(again, seconds=first.seconds + again.seconds, starts=(*first.starts, *again.starts))
         return _Arrived(again, other)
     return _Arrived(replace(first, seconds=first.seconds + again.seconds), begin)
-
-
-def _likelihood(problem: FitProblem, found: Fit) -> float:
-    """Log likelihood with prior at an estimate, under its own noise, up to a constant [nats]."""
-    logs = sum(
-        float(np.isfinite(run.readings[:, j]).sum()) * np.log(found.sigma[c])
-        for run in problem.runs
-        for j, c in enumerate(run.channels)
-    )
-    return -found.cost - float(logs)
 
 
 def _by_scores(

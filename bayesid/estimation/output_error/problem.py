@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -28,6 +27,7 @@ from bayesid.simulation import (
     sensitivities,
     simulate,
 )
+from bayesid.threads import each, several_threads
 
 Array = np.ndarray
 
@@ -154,10 +154,8 @@ class FitProblem:
         return found
 
     def _each(self, work: Callable[[int], Any]) -> list[Any]:
-        if self.threads > 1 and len(self.runs) > 1:
-            with ThreadPoolExecutor(self.threads) as pool:
-                return list(pool.map(work, range(len(self.runs))))
-        return [work(i) for i in range(len(self.runs))]
+        with several_threads(min(self.threads, len(self.runs))):
+            return each(work, range(len(self.runs)))
 
     # ---- residuals ----
     def residuals(self, z: Array) -> Array:

@@ -145,6 +145,21 @@ def start_points(problem: FitProblem, options: FitOptions, begin: Array | None =
     return points
 
 
+def minus_log_likelihood(problem: FitProblem, found: Fit) -> float:
+    """Negative log-likelihood with prior of a fit of the problem, under the fit's own noise, up to a constant
+    [nats]: costs of fits whose noise was estimated are each in their own."""
+    return _unit_cost(problem.with_sigma(found.sigma), found.cost)
+
+
+def _unit_cost(problem: FitProblem, cost: float) -> float:
+    logs = sum(
+        float(np.isfinite(r.readings[:, j]).sum()) * np.log(r.sigma[j])
+        for r in problem.runs
+        for j in range(len(r.channels))
+    )
+    return cost + float(logs)
+
+
 class _Search:
     """One start on its way: its point, path and clock."""
 
@@ -159,13 +174,7 @@ class _Search:
 
     @property
     def cost_unit(self) -> float:
-        """Negative log-likelihood up to a constant, with the noise of this search."""
-        logs = sum(
-            float(np.isfinite(r.readings[:, j]).sum()) * np.log(r.sigma[j])
-            for r in self.problem.runs
-            for j in range(len(r.channels))
-        )
-        return self.cost + logs
+        return _unit_cost(self.problem, self.cost)
 
 
 def _search(
