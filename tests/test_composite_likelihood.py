@@ -29,6 +29,7 @@ from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, siz
 from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
 from bayesid.report.fit import calibration_words, fit_report
+from bayesid.threads import several_threads
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows
 from studies.coverage.run import CONDITIONS, RANKS, replicate
 
@@ -695,6 +696,8 @@ def test_runs_are_said_to_be_predicted_from_the_others_only_where_there_are_othe
     one = replace(trial, runs=trial.runs[: 2 if several else 1])
     found = fit_trial(one, s.model.vehicle, params=s.params, threads=1)
     told = predictive_model(found, draws=20)[1]
+    with several_threads(2):
+        assert predictive_model(found, draws=20)[1].level == told.level
     assert told.apart is several
     assert ("from the others" in calibration_words(told)) is several
 

@@ -54,7 +54,7 @@ from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbe
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
-from bayesid.threads import one_blas_thread
+from bayesid.threads import one_blas_thread, processors, several_threads
 from bayesid.trials.measured_wind import wind_words
 from bayesid.words import counted, did_you_mean
 
@@ -159,7 +159,7 @@ def fit(
     if out is None or quick or found.posterior is None:
         return FitResult(found, places=places)
     try:
-        with shown.stage("predict the fitted runs") as stage:
+        with shown.stage("predict the fitted runs") as stage, several_threads(processors()):
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
             lost = diverging_draws(model, found.trial.holdout or found.trial.identify, seed=seed)
     except BayesidError as error:

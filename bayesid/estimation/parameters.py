@@ -89,7 +89,7 @@ def coefficient_set(
     for name, tie in (ties or {}).items():
         start = tie[2] + tie[1] * float(model.nominal[model.positions([tie[0]])[0]])
         entries.append(Parameter(name, start, "tied", tie=tie, file_scale=model.file_scale(name)))
-    joint = _joint(model, names) if use_prior else None
+    joint = joint_prior(model, names) if use_prior else None
     if joint is not None:
         entries = [Parameter(**{**vars(p), "prior": None}) if p.name in joint.names else p for p in entries]
     return ParameterSet(tuple(entries), joint)
@@ -107,7 +107,8 @@ def _unit_size(model: Model, name: str) -> float:
     return 1.0
 
 
-def _joint(model: Model, names: Sequence[str]) -> JointPrior | None:
+def joint_prior(model: Model, names: Sequence[str]) -> JointPrior | None:
+    """What the vehicle file knows of some coefficients together; None where it knows none of them so."""
     prior = model.vehicle.prior
     if prior is None or prior.covariance is None:
         return None

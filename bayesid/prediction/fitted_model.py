@@ -17,7 +17,6 @@ a long prediction three to ten times too wide.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,7 +28,8 @@ from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.prediction.disturbance_size import PredictedRun, best_sizes
 from bayesid.prediction.intervals import log_density, reading_errors, standard_errors
-from bayesid.prediction.prediction import DivergingDraws, predict_run
+from bayesid.prediction.prediction import DivergingDraws, predict_run, read_run, variance_of_draws
+from bayesid.threads import each
 from bayesid.trials import Run
 from bayesid.trials.noise import raised, rough_noise
 
@@ -92,13 +92,16 @@ class _Setting:
     tau: float
     level: Array
     channel: Mapping[str, float]
+    sensors: Mapping[str, float]
 
     def model(self, run: str, known: bool = False) -> DiagnosedModel:
         """The model that predicts one run from the others; `known` without spread of its coefficients."""
         p = self.posterior.without(run)
         if known:
             p = replace(p, covariance=0.0 * p.covariance, run_sd=0.0 * p.run_sd)
-        return with_disturbance(self.found, p, self.level, self.tau, channel=self.channel)
+        return with_disturbance(
+            self.found, p, self.level, self.tau, channel=self.channel, sensors=self.sensors
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +151,10 @@ def predictive_model(
     alike = np.abs(np.log(kept.sd[seen] / wide.sd[seen])).max(initial=0.0) <= np.log(ALIKE)
     time = found.model.scales["L"] / found.model.scales["U"]
     calm = np.full(len(_axes(found)), CALM_LEVEL)
-    settings = [_Setting(found, p, TAUS[1] * time, calm, {}) for p in ((wide,) if alike else (wide, kept))]
+    sensors = sensor_noise(found)
+    settings = [
+        _Setting(found, p, TAUS[1] * time, calm, {}, sensors) for p in ((wide,) if alike else (wide, kept))
+    ]
     errors = [_errors(s, chosen, draws, seed, lead) for s in settings]
     tried: list[tuple[int, float, _Setting]] = []
     for tau in (k * time for k in TAUS):
@@ -165,24 +171,27 @@ def predictive_model(
     best = _settled(max(tried, key=lambda t: t[:2])[2], chosen, draws, seed, say, lead)
     told = _told(best, chosen, draws, seed, lead)
     told = replace(told, keeps_prior=best.posterior is kept)
-    return with_disturbance(found, best.posterior, best.level, told.tau, told.run_spread, best.channel), told
+    model = with_disturbance(
+        found, best.posterior, best.level, told.tau, told.run_spread, best.channel, sensors
+    )
+    return model, told
 
 
 def diverging_draws(
     model: DiagnosedModel, runs: Sequence[Run], draws: int = 60, seed: int = 0
 ) -> dict[str, float]:
     """Run -> share of the vehicles drawn that diverge in it, where any does."""
-    out = {}
-    for run in spaced(runs, MOST_RUNS):
+
+    def lost(run: Run) -> int:
         try:
-            lost = predict_run(model, run, draws, seed, most_diverged=1.0).lost
+            return predict_run(model, run, draws, seed, most_diverged=1.0).lost
         except DivergingDraws:
-            lost = draws
+            return draws
         except BayesidError:  # it cannot be predicted for another reason, as one of a few samples
-            continue
-        if lost:
-            out[run.name] = lost / draws
-    return out
+            return 0
+
+    chosen = spaced(runs, MOST_RUNS)
+    return {run.name: n / draws for run, n in zip(chosen, each(lost, chosen), strict=True) if n}
 
 
 def _settled(
@@ -213,22 +222,24 @@ def _errors(
     setting: _Setting, runs: Sequence[Run], draws: int, seed: int, lead: float | None
 ) -> dict[str, _Errors]:
     """Runs predicted from the others, those that can be."""
-    out: dict[str, _Errors] = {}
-    for run in runs:
+
+    def errors(run: Run) -> _Errors | None:
         try:
             p = predict_run(setting.model(run.name), run, draws, seed, lead)
         except BayesidError:
-            continue
+            return None
         read = {channel: error for _, channel, error, _ in reading_errors(p, run)}
         if not read:
-            continue
+            return None
         late = np.flatnonzero(p.t - p.t[0] > p.lead)
         rows = late[np.unique(np.linspace(0, late.size - 1, min(MOST_INSTANTS, late.size)).astype(int))]
         error = np.stack([read.get(c, np.full(p.t.size, np.nan)) for c in p.channels], axis=1)
         own = np.array([setting.channel.get(c, 0.0) for c in p.channels])
         variance = p.draws.var(axis=0, ddof=1) + np.nan_to_num(p.noise) ** 2 - own**2
-        out[run.name] = _Errors(p.channels, rows, error[rows], variance[rows], log_density(p, run))
-    return out
+        return _Errors(p.channels, rows, error[rows], variance[rows], log_density(p, run))
+
+    found = zip(runs, each(errors, runs), strict=True)
+    return {run.name: one for run, one in found if one is not None}
 
 
 def _added_variances(
@@ -236,22 +247,26 @@ def _added_variances(
 ) -> dict[str, Array]:
     """Run -> (a, n, q) variance that a disturbance of size 1 on each axis adds, coefficients known."""
     few = max(draws // 2, FEW_DRAWS)
-    out: dict[str, Array] = {}
-    for run in runs:
-        added = []
-        with suppress(BayesidError):
-            here = predict_run(setting.model(run.name, known=True), run, few, seed, lead).draws.var(
-                axis=0, ddof=1
-            )
+
+    def added(run: Run) -> Array | None:
+        def variance(level: Array) -> Array:
+            model = replace(setting, level=level).model(run.name, known=True)
+            return variance_of_draws(model, read, few, seed)
+
+        found = []
+        try:
+            read = read_run(setting.model(run.name, known=True), run, lead)
+            here = variance(setting.level)
             for axis, size in enumerate(setting.level):
                 level = setting.level.copy()
                 level[axis] = max(2.0 * size, UNIT_LEVEL)
-                larger = replace(setting, level=level).model(run.name, known=True)
-                there = predict_run(larger, run, few, seed, lead).draws.var(axis=0, ddof=1)
-                added.append(np.maximum(there - here, 0.0) / (level[axis] ** 2 - size**2))
-        if len(added) == setting.level.size:
-            out[run.name] = np.array(added)
-    return out
+                found.append(np.maximum(variance(level) - here, 0.0) / (level[axis] ** 2 - size**2))
+        except BayesidError:
+            return None
+        return np.array(found)
+
+    each_added = zip(runs, each(added, runs), strict=True)
+    return {run.name: more for run, more in each_added if more is not None}
 
 
 def _told(setting: _Setting, runs: Sequence[Run], draws: int, seed: int, lead: float | None) -> Calibration:
@@ -303,6 +318,7 @@ def with_disturbance(
     tau: float,
     run_spread: float = 0.0,
     channel: Mapping[str, float] | None = None,
+    sensors: Mapping[str, float] | None = None,
 ) -> DiagnosedModel:
     """The model of a fit under a disturbance: size per axis over 1/2 rho L^2 U^2, correlation time [s].
 
@@ -310,6 +326,7 @@ def with_disturbance(
     ----------
     run_spread : sd of the logarithm of its size from run to run, whose mean square `level` is
     channel : channel -> sd of errors of its own, which count as noise of that sensor [SI]
+    sensors : `sensor_noise` of the fit, where it is known already
     """
     model, s = found.model, found.model.scales
     time = s["L"] / s["U"]
@@ -333,7 +350,7 @@ def with_disturbance(
         )
         for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
     )
-    seen = sensor_noise(found)
+    seen = dict(sensor_noise(found) if sensors is None else sensors)
     seen |= {c: float(np.hypot(seen.get(c, 0.0), s)) for c, s in (channel or {}).items()}
     return DiagnosedModel(model, hypotheses, seen, "fit", found.trial.digest)
 
@@ -375,18 +392,18 @@ def prediction_errors(
     channel -> horizon -> per run: errors. Every list has all runs; what a run has not read is empty
     mean over channels and horizons of the log density of a reading [its unit], for every run predicted
     """
-    out: dict[str, dict[str, list[Array]]] = {}
-    found: list[dict[str, Array]] = []
-    density = []
-    for run in runs:
+
+    def predicted(run: Run) -> tuple[dict[str, Array], float] | None:
         try:
             p = predict_run(models[run.name], run, draws, seed, lead)
         except BayesidError:
-            continue
-        if not (errors := standard_errors(p, run)):
-            continue
-        found.append(errors)
-        density.append(log_density(p, run))
+            return None
+        errors = standard_errors(p, run)
+        return (errors, log_density(p, run)) if errors else None
+
+    able = [one for one in each(predicted, runs) if one is not None]
+    found, density = [errors for errors, _ in able], [value for _, value in able]
+    out: dict[str, dict[str, list[Array]]] = {}
     for name in dict.fromkeys(c for errors in found for c in errors):
         split = [np.array_split(errors.get(name, np.zeros(0)), len(HORIZONS)) for errors in found]
         for horizon, parts in zip(HORIZONS, zip(*split, strict=True), strict=True):

@@ -146,6 +146,59 @@ def _generator(seed: int, *use: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=use))
 
 
+@dataclass(frozen=True, eq=False)
+class ReadRun:
+    """A logged run ready to be predicted.
+
+    Attributes
+    ----------
+    lead : length of the lead-in [s]
+    channels : (q,) readings that are predicted, at `picked` among those of the model
+    log : the lead-in as the filter reads it
+    plan : orders of the whole run
+    """
+
+    run: Run
+    lead: float
+    channels: tuple[str, ...]
+    log: RunData
+    plan: TimePlan
+    picked: list[int]
+
+
+def read_run(found: DiagnosedModel, run: Run, lead: float | None = None) -> ReadRun:
+    """Orders and first readings of a logged run; `lead` as in `predict_run`.
+
+    Raises
+    ------
+    ModelError
+        if too few readings lie in the lead-in
+    """
+    model, s = found.model, found.model.scales
+    if lead is None:
+        lead = min(LEAD_LENGTHS * s["L"] / s["U"], 0.25 * run.duration)
+    channels = tuple(c for c in model.kernel.channels if c in run.data and c in found.noise)
+    early = window(run, float(run.t[0]), float(run.t[0]) + lead)
+    log = filter_error_run(model, early, found.noise, channels)
+    if log.n < 4 or not log.valid.any():
+        raise ModelError(f"{run.name}: fewer than four samples in the first {lead:.3g} s; give a longer lead")
+    picked = [model.kernel.channels.index(c) for c in channels]
+    return ReadRun(run, lead, channels, log, plan_trial_run(model, run), picked)
+
+
+def variance_of_draws(found: DiagnosedModel, read: ReadRun, draws: int, seed: int) -> Array:
+    """(n, q) variance of the readings of a run over draws, without sensor noise.
+
+    Raises
+    ------
+    ModelError
+        if the lead-in cannot be followed, or too many draws diverge
+    """
+    kept = [x for x in _tracks(found, read, draws, seed) if x is not None]
+    _enough(read.run.name, len(kept), draws)
+    return np.asarray(np.var(kept, axis=0, ddof=1))
+
+
 def predict_run(
     found: DiagnosedModel,
     run: Run,
@@ -171,16 +224,33 @@ def predict_run(
     ModelError
         if too few readings lie in the lead-in, or too many draws diverge
     """
+    read = read_run(found, run, lead)
+    tracks = _tracks(found, read, draws, seed, occasion)
+    model, channels = found.model, read.channels
+    kept = [x for x in tracks if x is not None]
+    whole = np.array([k for k, x in enumerate(tracks) if x is not None])
+    _enough(run.name, len(kept), draws, most_diverged)
+    noise = np.array([found.noise.get(c, np.nan) for c in channels])
+    commands = {**run.commands, **run.measured_inputs}
+    lost = draws - len(kept)
+
+    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, None] | None:
+        obs = _undisturbed(model, par, noise_model, read)
+        return None if obs is None else (obs, None)
+
+    given = undisturbed(model.nominal, found.hypotheses[0].noise_model)
+    return Prediction(
+        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, read.lead, lost, noise,
+        None if given is None else given[0], vehicles=whole, occasion=occasion,
+        centres=_centres(found, undisturbed), estimate=_estimate(found, undisturbed),
+    )._about_estimate()  # fmt: skip
+
+
+def _tracks(
+    found: DiagnosedModel, read: ReadRun, draws: int, seed: int, occasion: int = 0
+) -> list[Array | None]:
+    """Readings (n, q) of every draw, None for one that diverges."""
     model, rng = found.model, np.random.default_rng(seed)
-    s = model.scales
-    if lead is None:
-        lead = min(LEAD_LENGTHS * s["L"] / s["U"], 0.25 * run.duration)
-    channels = tuple(c for c in model.kernel.channels if c in run.data and c in found.noise)
-    early = window(run, float(run.t[0]), float(run.t[0]) + lead)
-    log = filter_error_run(model, early, found.noise, channels)
-    if log.n < 4 or not log.valid.any():
-        raise ModelError(f"{run.name}: fewer than four samples in the first {lead:.3g} s; give a longer lead")
-    plan, picked = plan_trial_run(model, run), [model.kernel.channels.index(c) for c in channels]
     tracks: list[Array | None] = [None] * draws
     there = found.in_a_run(rng, draws)
     if occasion:
@@ -194,27 +264,12 @@ def predict_run(
         free, pars = model.positions(h.names), there.pars[mine]
         mean = model.nominal.copy()
         mean[free] = h.mean
-        begun = initial_states(model, log, free, mean, pars, h.noise_model, rng)
+        begun = initial_states(model, read.log, free, mean, pars, h.noise_model, rng)
         for k, par, begin in zip(mine, pars, begun, strict=True):
-            force, drift = _onwards(h.noise_model, _slow(h.noise_model, channels), begin, run.t, rng)
-            tracks[k] = _track(model, par, plan, begin.x0, force, drift, channels, picked)
-    kept = [x for x in tracks if x is not None]
-    whole = np.array([k for k, x in enumerate(tracks) if x is not None])
-    _enough(run.name, len(kept), draws, most_diverged)
-    noise = np.array([found.noise.get(c, np.nan) for c in channels])
-    commands = {**run.commands, **run.measured_inputs}
-    lost = draws - len(kept)
-
-    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, None] | None:
-        obs = _undisturbed(model, par, noise_model, log, plan, run.n_samples, channels, picked)
-        return None if obs is None else (obs, None)
-
-    given = undisturbed(model.nominal, found.hypotheses[0].noise_model)
-    return Prediction(
-        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise,
-        None if given is None else given[0], vehicles=whole, occasion=occasion,
-        centres=_centres(found, undisturbed), estimate=_estimate(found, undisturbed),
-    )._about_estimate()  # fmt: skip
+            slow = _slow(h.noise_model, read.channels)
+            force, drift = _onwards(h.noise_model, slow, begin, read.run.t, rng)
+            tracks[k] = _track(model, par, read, begin.x0, force, drift)
+    return tracks
 
 
 Undisturbed = Callable[[Array, NoiseModel], tuple[Array, Mapping[str, Array] | None] | None]
@@ -245,23 +300,16 @@ def _centre(found: DiagnosedModel, h: WeightedHypothesis, undisturbed: Undisturb
     return None if made is None else Centre(h.weight, *made)
 
 
-def _undisturbed(
-    model: Model,
-    par: Array,
-    noise_model: NoiseModel,
-    early: RunData,
-    plan: TimePlan,
-    n: int,
-    channels: tuple[str, ...],
-    picked: list[int],
-) -> Array | None:
+def _undisturbed(model: Model, par: Array, noise_model: NoiseModel, read: ReadRun) -> Array | None:
     """Readings (n, q) of one vehicle without disturbance, begun where the lead-in most probably has it."""
     try:
-        begin = followed(model, early, par, noise_model, iterations=8).points[0].states[0]
+        begin = followed(model, read.log, par, noise_model, iterations=8).points[0].states[0]
     except BayesidError:
         return None
-    still, drift = np.zeros((n - 1, len(noise_model.force))), np.zeros((n, _slow(noise_model, channels).size))
-    return _track(model, par, plan, begin[: len(model.states)], still, drift, channels, picked)
+    n = read.run.n_samples
+    still = np.zeros((n - 1, len(noise_model.force)))
+    drift = np.zeros((n, _slow(noise_model, read.channels).size))
+    return _track(model, par, read, begin[: len(model.states)], still, drift)
 
 
 def _slow(noise_model: NoiseModel, channels: Sequence[str]) -> Array:
@@ -292,21 +340,19 @@ def _disturbed(model: Model, par: Array, plan: TimePlan, force: Array) -> TimePl
 def _track(
     model: Model,
     par: Array,
-    plan: TimePlan,
+    read: ReadRun,
     x0: Array,
     force: Array,
     drift: Array,
-    channels: tuple[str, ...],
-    picked: list[int],
 ) -> Array | None:
     """Readings (n, q) of one draw, None if it diverges."""
     try:
-        disturbed = _disturbed(model, par, plan, force)
-        track = simulate(model, par, disturbed, x0, full=True)
-        obs = observe(model, par, disturbed, track.states, full=True)[:, picked]
+        plan = _disturbed(model, par, read.plan, force)
+        track = simulate(model, par, plan, x0, full=True)
+        obs = observe(model, par, plan, track.states, full=True)[:, read.picked]
     except BayesidError:
         return None
-    position = [j for j, c in enumerate(channels) if c in ("x", "y", "z")]
+    position = [j for j, c in enumerate(read.channels) if c in ("x", "y", "z")]
     obs[:, position] += drift
     return obs if np.isfinite(obs).all() else None
 

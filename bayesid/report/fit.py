@@ -29,6 +29,7 @@ from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.fit_form import form_rows_of
+from bayesid.report.fit_held import freeing_words, held_words
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.words import counted, first_few
 
@@ -98,10 +99,10 @@ def fit_report(found: TrialFit, calibration: Calibration | None = None, places: 
 
 
 def failed_checks(found: TrialFit) -> list[str]:
-    """Checks that failed, one sentence each: search, open combinations, held-out runs, runs that disagree, a
-    force that is asked for and could not be fitted.
+    """Checks that failed, one sentence each: search, open combinations, held-out runs, coefficients held that
+    the runs move, runs that disagree, a force that is asked for and could not be fitted.
     """
-    others = holdout_words(found.runs)
+    others = [*holdout_words(found.runs), *map(literal, held_words(found))]
     if found.posterior is not None:
         others += found.posterior.not_final()
     if found.fit.uncertainty.get("form_failed"):
@@ -122,7 +123,7 @@ def _verdict_words(found: TrialFit) -> str:
 
 def next_steps(found: TrialFit, model_written: bool = True, places: Places = NOWHERE) -> list[str]:
     """What to do with this fit; `model_written` where `bayesid predict` finds its model."""
-    out = []
+    out = freeing_words(found)
     if not found.fit.converged:
         out.append(
             f"To end the search, free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, "

@@ -100,7 +100,7 @@ def moved(found: TrialFit) -> str:
         if not (math.isfinite(sd) and abs(change) > MOVED * sd and abs(change) >= least):
             continue
         told = (
-            _percent(math.copysign(change, change * fit.start[i]) / size, sd / size)
+            percent(math.copysign(change, change * fit.start[i]) / size, sd / size)
             if size
             else (f"from 0 to {digits(fit.z[i], 3)} ± {digits(sd, 2)}")
         )
@@ -118,8 +118,8 @@ def moved(found: TrialFit) -> str:
     return f"Moved, the surest first (with one sd): {', '.join(text for _, text in rows[:MOST_MOVED])}{rest}."
 
 
-def _percent(change: float, sd: float) -> str:
-    """ "+90.3 ± 7.4 %", "-340 ± 120 %"."""
+def percent(change: float, sd: float) -> str:
+    """A relative change and its sd: "+90.3 ± 7.4 %", "-340 ± 120 %"."""
     size = 100 * abs(change)
     whole = digits(size, 3)
     sign = "+" if change > 0 else "-"

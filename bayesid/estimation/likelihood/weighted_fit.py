@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from bayesid.errors import FitError, ModelError
-from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
+from bayesid.estimation.likelihood.model_form import asked_beyond, form_part, with_form
 from bayesid.estimation.likelihood.nonlinear_covariance import nonlinear_covariance
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import (
@@ -98,8 +98,12 @@ def _with_form_if_asked(
     result: Fit,
     posterior: CoefficientPosterior,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior]:
-    """The fit again with a model form where the runs ask for one; where that fails, as it was, with why."""
-    size = form_size(plain, result.z, posterior.parts)
+    """The fit again with a model form where the runs ask for one; where that fails, as it was, with why. Says
+    so where they ask for coefficients that it holds."""
+    asked = asked_beyond(plain, result.z, posterior.parts)
+    size = asked.size
+    if asked.held is not None:
+        result = replace(result, uncertainty={**result.uncertainty, "held": asdict(asked.held)})
     if size == 0.0:
         return plain, result, posterior
     k = result.n_params
@@ -121,7 +125,11 @@ def _with_form_if_asked(
         cost_start=result.cost_start,
         digest=result.digest,
         seconds=result.seconds + again.seconds,
-        uncertainty={**again.uncertainty, "form": {"size": size, "rows": rows}},
+        uncertainty={
+            **again.uncertainty,
+            "form": {"size": size, "rows": rows},
+            **{k: v for k, v in result.uncertainty.items() if k == "held"},
+        },
     )
     return formed, again, wider
 
