@@ -27,7 +27,7 @@ from bayesid.model.params import ParameterSet
 from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread
 from bayesid.prediction.intervals import standard_errors
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.report.fit import calibration_words, fit_report
 from bayesid.threads import several_threads
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows

@@ -28,7 +28,7 @@ from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
-from bayesid.prediction import prediction
+from bayesid.prediction import run_prediction
 from bayesid.prediction.fitted_model import Calibration, diverging_draws
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import (
@@ -40,7 +40,9 @@ from bayesid.prediction.intervals import (
     shares_of_draws,
     stated_spread,
 )
-from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
+from bayesid.prediction.manoeuvre_prediction import predict_manoeuvre
+from bayesid.prediction.prediction import Prediction
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.report.fit import diverging_words
 from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
@@ -427,7 +429,7 @@ def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_p
 
 
 def test_where_the_vehicle_as_given_diverges_the_mean_of_the_draws_is_told_and_said(monkeypatch, tmp_path):
-    monkeypatch.setattr("bayesid.prediction.prediction._undisturbed", lambda *others: None)
+    monkeypatch.setattr("bayesid.prediction.run_prediction._undisturbed", lambda *others: None)
     write_diagnosed(found_with(), tmp_path)
     found = predict(planted_trial(MODEL), ["turn", "turn:10"], model=tmp_path, draws=20, speed=1.5)
     run, turn = found.predictions
@@ -473,18 +475,18 @@ def test_beside_the_mean_of_a_fits_draws_stands_what_its_estimate_alone_predicts
 def test_where_draws_of_a_fit_diverge_its_estimate_is_told_and_said(monkeypatch, tmp_path):
     """One simulation of a draw in ten is made to diverge; the mean of the others is told beside."""
     write_diagnosed(replace(found_with(6.0), verdict="fit"), tmp_path)
-    calls, simulated, alone = iter(range(10_000)), prediction._track, prediction._undisturbed
+    calls, simulated, alone = iter(range(10_000)), run_prediction._track, run_prediction._undisturbed
 
     def some(*given):
         return None if next(calls) % 10 == 0 else simulated(*given)
 
     def whole(*given):
         with monkeypatch.context() as m:
-            m.setattr(prediction, "_track", simulated)
+            m.setattr(run_prediction, "_track", simulated)
             return alone(*given)
 
-    monkeypatch.setattr(prediction, "_track", some)
-    monkeypatch.setattr(prediction, "_undisturbed", whole)
+    monkeypatch.setattr(run_prediction, "_track", some)
+    monkeypatch.setattr(run_prediction, "_undisturbed", whole)
     found = predict(planted_trial(MODEL), ["turn"], model=tmp_path, draws=40)
     (turn,), (row,) = found.predictions, found.numbers["predictions"]
     assert turn.lost == row["diverged"] == 4 and row["told"] == "estimate of the fit"
@@ -521,14 +523,14 @@ def test_an_estimate_that_diverges_is_said():
 def test_a_fit_counts_the_vehicles_of_its_covariance_that_diverge(monkeypatch):
     """Every third simulation is made to diverge."""
     calls = iter(range(10_000))
-    simulated = prediction._track
+    simulated = run_prediction._track
 
     def some(*given):
         return None if next(calls) % 3 == 0 else simulated(*given)
 
     model, runs = replace(found_with(), verdict="fit"), [logged(1)[0]]
     assert diverging_draws(model, runs, draws=20) == {}
-    monkeypatch.setattr(prediction, "_track", some)
+    monkeypatch.setattr(run_prediction, "_track", some)
     (share,) = diverging_draws(model, runs, draws=20).values()
     assert share == pytest.approx(1 / 3, abs=0.04)
     with pytest.raises(ModelError, match="draws diverge"):
@@ -777,10 +779,8 @@ def test_errors_of_two_runs_go_together_by_the_vehicle_alone():
 
 
 def test_vehicles_that_diverge_in_a_run_are_left_out_of_the_mean_over_runs_by_their_number(monkeypatch):
-    import bayesid.prediction.prediction as prediction
-
     run, _ = logged(1)
-    track, count = prediction._track, [0]
+    track, count = run_prediction._track, [0]
 
     def diverging(*args):
         count[0] += 1
@@ -788,7 +788,7 @@ def test_vehicles_that_diverge_in_a_run_are_left_out_of_the_mean_over_runs_by_th
 
     whole = predict_run(found_with(), run, 20)
     assert list(whole.vehicles) == list(range(20))
-    monkeypatch.setattr(prediction, "_track", diverging)
+    monkeypatch.setattr(run_prediction, "_track", diverging)
     p = predict_run(found_with(), run, 20)
     left = [k for k in range(20) if k not in (3, 8)]
     assert list(p.vehicles) == left and p.lost == 2

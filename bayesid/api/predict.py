@@ -43,7 +43,9 @@ from bayesid.prediction.intervals import (
     stated_spread,
     told_measures,
 )
-from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
+from bayesid.prediction.manoeuvre_prediction import predict_manoeuvre
+from bayesid.prediction.prediction import Prediction
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.prediction.surroundings import surroundings
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen

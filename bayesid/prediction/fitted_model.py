@@ -27,8 +27,9 @@ from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.prediction.disturbance_size import PredictedRun, best_sizes
+from bayesid.prediction.draws import DivergingDraws
 from bayesid.prediction.intervals import log_density, reading_errors, standard_errors
-from bayesid.prediction.prediction import DivergingDraws, predict_run, read_run, variance_of_draws
+from bayesid.prediction.run_prediction import predict_run, read_run, variance_of_draws
 from bayesid.threads import each
 from bayesid.trials import Run
 from bayesid.trials.noise import raised, rough_noise

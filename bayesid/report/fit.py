@@ -23,8 +23,8 @@ from bayesid.measures.angle_errors import turns_note
 from bayesid.model.terms import TERMS, term
 from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.places import NOWHERE, Places
+from bayesid.prediction.draws import MOST_DIVERGED
 from bayesid.prediction.fitted_model import Calibration
-from bayesid.prediction.prediction import MOST_DIVERGED
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen

@@ -21,7 +21,7 @@ from bayesid.errors import BayesidError
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.measures.angle_errors import counted_on
 from bayesid.prediction.fitted_model import with_disturbance
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial
 from studies.blind_predictions.sets import REGIMES, BlindSet, fitted, kind, prepared

@@ -25,7 +25,8 @@ from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
 from bayesid.prediction.fitted_model import predictive_model
 from bayesid.prediction.intervals import beside_readings, standard_errors
-from bayesid.prediction.prediction import Prediction, predict_run
+from bayesid.prediction.prediction import Prediction
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
 from studies.blind_predictions.expectation import expectation_text, left_out_text

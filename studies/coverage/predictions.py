@@ -26,7 +26,7 @@ from bayesid.manoeuvres.standard import turn
 from bayesid.model.vehicles import Vehicle, load_vehicle
 from bayesid.prediction.fitted_model import predictive_model
 from bayesid.prediction.intervals import beside_readings, standard_errors
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.simulation import plan_trial_run
 from bayesid.simulation.virtual_trial import virtual_run
 from bayesid.trials import Run, Trial, load_trial

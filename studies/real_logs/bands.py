@@ -16,7 +16,7 @@ from bayesid.estimation.likelihood.predictive_check import kind_of
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.prediction.fitted_model import predictive_model
 from bayesid.prediction.intervals import beside_readings, shares_of_draws
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.report.writer import Section, Table, Text
 from bayesid.trials import Run
 

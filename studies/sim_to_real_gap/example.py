@@ -18,7 +18,7 @@ from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
-from bayesid.prediction.prediction import predict_run
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.report.diagnosis.report import write_diagnosis_report
 from bayesid.report.excite import finding, term_rows

@@ -26,7 +26,8 @@ from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import Vehicle
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, thinned
-from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.prediction.manoeuvre_prediction import predict_manoeuvre
+from bayesid.prediction.run_prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.report import writer
 from bayesid.trials import Run, Trial
