@@ -16,7 +16,7 @@ from bayesid.estimation.likelihood import NoiseParts, coefficient_posterior
 from bayesid.estimation.likelihood.checks import HALVES_P, halves, prior_conflict, prior_sensitivity
 from bayesid.estimation.likelihood.composite import Composite, RunScore
 from bayesid.estimation.likelihood.mixed_rates import mixed_rate_noise
-from bayesid.estimation.likelihood.posterior import asked_for, with_weight
+from bayesid.estimation.likelihood.posterior import WIDEN_P, asked_for, widened, with_weight
 from bayesid.estimation.likelihood.residual_noise import ResidualNoise, autocovariance, residual_noise
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions, fit
@@ -756,3 +756,29 @@ def test_what_a_prior_holds_is_not_open():
     found = Composite(runs, prior, np.zeros(2), np.array([0.5, 0.2])).law(NoiseParts())
     whole = sum(r.information for r in runs) + prior
     np.testing.assert_allclose(found.covariance, np.linalg.inv(whole), rtol=1e-9)
+
+
+def without_prior(seed, excess=1.0, differs=0.0):
+    """Six runs that determine all of five coefficients of size 1, none with a prior."""
+    rng, runs = np.random.default_rng(seed), []
+    for k in range(6):
+        c = 30.0 * rng.standard_normal((40, 5))
+        h = c.T @ c
+        own = differs * rng.standard_normal(5)
+        runs.append(RunScore(f"run {k}", h, h, np.sqrt(excess) * c.T @ rng.standard_normal(40) + h @ own))
+    return Composite(tuple(runs), np.zeros((5, 5)), np.zeros(5), np.ones(5))
+
+
+def test_halves_that_differ_by_a_little_widen_intervals_by_a_little():
+    """Run-to-run spread is in sizes of a coefficient; where nothing speaks for it, it is not the remedy."""
+    wide, white, tried = np.full(5, np.inf), NoiseParts(), 0
+    for seed in range(60):
+        composite = without_prior(seed, excess=1.7)
+        if HALVES_P < halves(composite, white, wide).p < WIDEN_P:
+            parts, check = widened(composite, white, wide, 0)
+            assert check.p >= WIDEN_P and parts.run_spread == 0.0 and 1.0 < parts.excess <= 4.0
+            tried += 1
+    assert tried >= 5
+    # the control: coefficients that do differ from run to run
+    parts, check = widened(without_prior(1, differs=0.2), white, wide, 0)
+    assert check.p >= WIDEN_P and 0.1 <= parts.run_spread <= 0.5

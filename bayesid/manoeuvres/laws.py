@@ -40,27 +40,41 @@ class ZigzagLaw:
             return self
         return replace(self, deflection=-self.deflection, neutral=-self.neutral)
 
-    def __call__(self) -> Controller:
-        angle = PSI if self.channel == "delta_r_cmd" else THETA
-        base, side, orders, done = 0.0, 0.0, 0, False
-        others = dict(self.held)
+    def __call__(self) -> Helmsman:
+        return Helmsman(self)
 
-        def order(t: float, state: np.ndarray) -> Commands:
-            nonlocal base, side, orders, done
-            if side == 0.0:
-                # the heading at the first order counts as the base course, whatever the approach did
-                base = float(state[angle])
-                if t >= self.approach - 1e-9:
-                    side, orders = math.copysign(1.0, self.deflection), 1
-            elif not done and -side * (float(state[angle]) - base) >= self.switch:
-                if self.executes and orders >= self.executes:
-                    done = True
-                else:
-                    side, orders = -side, orders + 1
-            ordered = 0.0 if done else side * abs(self.deflection)
-            return {**others, self.channel: self.neutral + ordered}
 
-        return order
+class Helmsman:
+    """One run of a `ZigzagLaw`: the orders so far, and how far the next one is away."""
+
+    def __init__(self, law: ZigzagLaw) -> None:
+        self._law = law
+        self._angle = PSI if law.channel == "delta_r_cmd" else THETA
+        self._others = dict(law.held)
+        self._base, self._side, self._orders, self._done = 0.0, 0.0, 0, False
+
+    def __call__(self, t: float, state: np.ndarray) -> Commands:
+        law = self._law
+        if self._side == 0.0:
+            # the heading at the first order counts as the base course, whatever the approach did
+            self._base = float(state[self._angle])
+            if t >= law.approach - 1e-9:
+                self._side, self._orders = math.copysign(1.0, law.deflection), 1
+        elif self.past(t, state) >= 0.0:
+            if law.executes and self._orders >= law.executes:
+                self._done = True
+            else:
+                self._side, self._orders = -self._side, self._orders + 1
+        ordered = 0.0 if self._done else self._side * abs(law.deflection)
+        return {**self._others, law.channel: law.neutral + ordered}
+
+    def past(self, t: float, state: np.ndarray) -> float:
+        """Time [s] or angle [rad] past the next order: negative before it, -inf where none comes."""
+        if self._side == 0.0:
+            return t - self._law.approach
+        if self._done:
+            return -math.inf
+        return -self._side * (float(state[self._angle]) - self._base) - self._law.switch
 
 
 @dataclass(frozen=True)

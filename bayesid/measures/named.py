@@ -27,7 +27,8 @@ def named_measures(manoeuvre: str, t: np.ndarray, data: Mapping[str, np.ndarray]
     ----------
     manoeuvre : free text, e.g. "turning circle port 15, pull-out"
     t : (n,) array             time [s]
-    data : channel -> (n,) array   SI; x, y, psi, delta_r (u, v, theta, delta_s where there are any)
+    data : channel -> (n,) array   SI; x, y, psi, delta_r (u, v, theta, delta_s where there are any);
+        orders_t, since when the order of a sample is given [s], where that is known
 
     Returns
     -------
@@ -77,12 +78,12 @@ def _zigzag_rows(m: Any) -> Rows:
 
 
 def _zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
-    m = zigzag(t, data["psi"], data["delta_r"], data.get("x"), data.get("y"))
+    m = zigzag(t, data["psi"], data["delta_r"], data.get("x"), data.get("y"), data.get("orders_t"))
     return _zigzag_rows(m), m.reasons
 
 
 def _vertical_zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
-    m = zigzag(t, data["theta"], data["delta_s"])
+    m = zigzag(t, data["theta"], data["delta_s"], orders_t=data.get("orders_t"))
     return [row for row in _zigzag_rows(m) if row[0] != "initial turning distance"], m.reasons
 
 

@@ -70,6 +70,7 @@ def zigzag(
     rudder: np.ndarray,
     x: np.ndarray | None = None,
     y: np.ndarray | None = None,
+    orders_t: np.ndarray | None = None,
 ) -> Zigzag:
     """Measures of a zig-zag, horizontal (heading and rudder) or vertical (pitch and stern planes).
 
@@ -77,13 +78,14 @@ def zigzag(
     ----------
     t, psi, rudder : (n,) array    time [s], heading [rad], ordered (preferred) or measured rudder [rad]
     x, y : (n,) array or None      position [m], for the distance to the second execute only
+    orders_t : (n,) array or None  since when the order of a sample is given [s], where that is known
 
     Returns
     -------
     Zigzag    with as many overshoots as the run holds; fewer than two executes give NaN and reasons
     """
     t, data = checked("zig-zag", t, psi=psi, rudder=rudder, x=x, y=y)
-    c = channel(t, data["rudder"])
+    c = channel(t if orders_t is None else orders_t, data["rudder"])
     heading = channel(t, data["psi"], angle=True)
     found, end = _executes(c)
     if not found or heading.t.size < 5:

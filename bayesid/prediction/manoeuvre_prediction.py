@@ -20,6 +20,7 @@ from bayesid.prediction.draws import centres_of, disturbed, estimate_of, require
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise
 from bayesid.prediction.prediction import Prediction
 from bayesid.simulation import TimePlan, carried_by_water, observe, plan_run, run_manoeuvre
+from bayesid.simulation.closed_loop import ORDER_TIMES
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 
 
@@ -76,8 +77,9 @@ def predict_manoeuvre(
 
     given, given_orders = undisturbed(model.nominal, found.hypotheses[0].noise_model) or (None, None)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
+    first = {n: v for n, v in ordered[0].items() if n != ORDER_TIMES}
     return Prediction(
-        name, manoeuvre.name, t, channels, np.array(kept), ordered[0], orders, 0.0,
+        name, manoeuvre.name, t, channels, np.array(kept), first, orders, 0.0,
         draws - len(kept), noise, given, given_orders, np.array(whole, dtype=np.int64),
         centres=centres_of(found, undisturbed), estimate=estimate_of(found, undisturbed),
     ).about_estimate()  # fmt: skip
@@ -97,7 +99,7 @@ def _undisturbed_manoeuvre(
         begin = speed if speed is not None else float(balanced_speed(model, par[None], rpm)[0])
         x0 = np.zeros(len(model.states))
         x0[model.states.index("u")] = begin
-        track, commands = run_manoeuvre(model, par, manoeuvre, carried_by_water(model, par, x0))
+        track, commands = run_manoeuvre(model, par, manoeuvre, carried_by_water(model, par, x0), exact=True)
         obs = observe(model, par, plan_run(model, track.t, commands), track.states)[:, picked]
     except BayesidError:
         return None
@@ -125,7 +127,7 @@ def _simulated(
 
     try:
         start = carried_by_water(model, par, x0)
-        track, commands = run_manoeuvre(model, par, manoeuvre, start, disturb=disturb)
+        track, commands = run_manoeuvre(model, par, manoeuvre, start, disturb=disturb, exact=True)
         plan = plan_run(model, track.t, commands)
         obs = observe(model, par, plan, track.states)[:, picked]
     except BayesidError:

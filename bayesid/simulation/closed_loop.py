@@ -7,9 +7,10 @@ commands go through the actuator chain of the model like any other.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from bayesid.equations.model import Model
 from bayesid.model.vehicles import self_propulsion_speed
@@ -29,6 +30,8 @@ from bayesid.simulation.single import Track, simulate
 from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, TimePlan, plan_run
 
 Array = np.ndarray
+ORDER_TIMES = "orders_t"  # name among commands: since when those of a sample are given [s]
+DUE_WITHIN = 1e-9  # how nearly an order is given when it is due, over the interval
 
 
 def run_manoeuvre(
@@ -38,16 +41,21 @@ def run_manoeuvre(
     x0: Array,
     max_step: float | None = None,
     disturb: Callable[[TimePlan], TimePlan] | None = None,
+    exact: bool = False,
 ) -> tuple[Track, dict[str, Array]]:
     """Run a manoeuvre of `bayesid.manoeuvres`, open or closed loop.
 
     Parameters
     ----------
     disturb : puts wind or latent forces into the plan before it is run
+    exact : a law that says how far its next order is away (`past`) gives it when it is due, not at the next
+        of its own instants: what is measured of a zig-zag then does not depend on its step. A log of such
+        commands cannot be replayed sample by sample
 
     Returns
     -------
-    Track at the manoeuvre's own samples, and the commands given, "delta_r_cmd" [rad], "n_cmd" [rpm] ...
+    Track at the manoeuvre's own samples, and the commands given, "delta_r_cmd" [rad], "n_cmd" [rpm] ...; with
+    `exact` also `ORDER_TIMES`, since when the commands of a sample are given [s]
 
     Raises
     ------
@@ -64,39 +72,125 @@ def run_manoeuvre(
         max_step = 2 * MOVING_STEP_PER_LENGTH * model.scales["L"] / max(model.scales["U"], 1e-3)
     plan = plan_run(model, t, {}, max_step=max_step)
     plan = plan if disturb is None else disturb(plan)
-    par = check_parameters(model, plan, par)
-    fun = choose(model, par, None)
-    x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
-    minv = inverse_mass(model, fun, par[None])[0]
+    loop = _Loop(model, check_parameters(model, plan, par), plan)
     decide, names = manoeuvre.controller(), model.kernel.actuators
-    delays = {a: delay for a, ids in fun.act_delays.items() if (delay := float(sum(par[i] for i in ids)))}
-    na, nc = len(names), len(fun.act_columns)
-    memory, carried = np.zeros(fun.act_memory), np.zeros((fun.act_memory, nc))
-    none, no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
-    given = np.zeros((count + 1, na))
-    out, act = np.empty((count + 1, x.size)), np.empty((plan.steps.size, na))
+    past = getattr(decide, "past", None) if exact else None
+    x = loop.begin(check_start(model, x0))
+    given, since = np.zeros((count + 1, len(names))), t.copy()
+    out, act = np.empty((count + 1, x.size)), np.zeros((plan.steps.size, len(names)))
     out[0] = x
     for i in range(count):
-        given[i] = _row(decide(t[i], _twelve(model, x)), names)
+        given[i] = row = _row(decide(t[i], _twelve(model, x)), names)
+        reached = loop.over(i, x, row)
+        if past is not None and past(t[i + 1], _twelve(model, reached.x)) > 0.0:
+
+            def beyond(when: float, i: int = i, x: Array = x, row: Array = row) -> float:
+                return float(past(when, _twelve(model, loop.over(i, x, row, end=when).x)))
+
+            due = _due(beyond, t[i], t[i + 1])
+            if due < t[i + 1]:
+                reached = loop.over(i, x, row, end=due)
+                loop.keep(reached, act)
+                row = _row(decide(due, _twelve(model, reached.x)), names)
+                given[i + 1], since[i + 1] = row, due
+                reached = loop.over(i, reached.x, row, begin=due)
+        loop.keep(reached, act)
+        x = out[i + 1] = reached.x
+    given[count] = row
+    require_finite(t, out, loop.fun.states)
+    track = Track(t, out, loop.fun.states, act, loop.fun is model.kernel.full)
+    commands = {f"{n}_cmd": given[:, a] for a, n in enumerate(names)}
+    return track, commands | {ORDER_TIMES: since} if exact else commands
+
+
+def _due(beyond: Callable[[float], float], begin: float, end: float) -> float:
+    """When an order is due within an interval, a hair after it; the end where the interval begins with it."""
+    hair = DUE_WITHIN * (end - begin)
+    if beyond(begin + hair) >= 0.0:
+        return end
+    due = float(brentq(beyond, begin + hair, end, xtol=hair)) + 2.0 * hair
+    return due if due < end - hair and beyond(due) >= 0.0 else end
+
+
+class _Reached(NamedTuple):
+    """State at the end of an interval, positions of the actuators over its steps, what they remember."""
+
+    x: Array
+    steps: slice
+    share: Array
+    act: Array
+    memory: Array
+    carried: Array
+    knot: tuple[float, Array]
+
+
+class _Loop:
+    """A run that goes on interval by interval, each from what was kept of the one before."""
+
+    def __init__(self, model: Model, par: Array, plan: TimePlan) -> None:
+        self.fun = fun = choose(model, par, None)
+        self._par, self._plan = par, plan
+        self._minv = inverse_mass(model, fun, par[None])[0]
+        self._delays = {
+            a: delay for a, ids in fun.act_delays.items() if (delay := float(sum(par[i] for i in ids)))
+        }
+        na, nc = len(model.kernel.actuators), len(fun.act_columns)
+        self._memory, self._carried = np.zeros(fun.act_memory), np.zeros((fun.act_memory, nc))
+        self._none, self._no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
+        self._knots, self._levels = np.zeros(2 * plan.t.size), np.zeros((2 * plan.t.size, na))
+        self._kept = 0
+
+    def begin(self, x0: Array) -> Array:
+        """Initial state of the equations."""
+        return start(self.fun, self._par, self._plan.exogenous[0], x0)[0]
+
+    def over(
+        self, i: int, x: Array, row: Array, begin: float | None = None, end: float | None = None
+    ) -> _Reached:
+        """The run over interval i of the plan, or from `begin` to `end` within it [s], commands held."""
+        plan, fun, n = self._plan, self.fun, self._kept
         now = slice(plan.record[i], plan.record[i + 1])
-        steps, times = plan.steps[now], plan.times[now]
-        command = np.repeat(given[i][None], steps.size, axis=0)
-        if delays:
-            moves = cut(times, steps, command, t[: i + 1], given[: i + 1], delays)
+        low, steps = plan.times[now], plan.steps[now]
+        if begin is not None or end is not None:
+            begin, end = self._t(i) if begin is None else begin, self._t(i + 1) if end is None else end
+            high = np.minimum(low + steps, end)
+            low = np.maximum(low, begin)
+            inside = np.flatnonzero(high > low)
+            now = slice(now.start + inside[0], now.start + inside[-1] + 1)
+            low, steps = low[inside], (high - low)[inside]
+        else:
+            begin = self._t(i)
+        command = np.repeat(row[None], steps.size, axis=0)
+        if self._delays:
+            self._knots[n], self._levels[n] = begin, row
+            known = self._knots[: n + 1], self._levels[: n + 1]
+            moves = cut(low, steps, command, *known, self._delays)
             command, lengths = moves.command, moves.lengths
         else:
-            lengths = np.diff(times, append=times[-1] + steps[-1])
-        moved = np.empty_like(command)
-        fun.actuate(command, none, none, lengths, par, False, i == 0, memory, carried, moved, no_slopes)
-        act[now] = step_mean(moves, steps, moved) if delays else moved * lengths[:, None] / steps[:, None]
-        last = np.array([steps.size])
-        here = out[i + 1 : i + 2]
-        fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, here, NO_TRACE)
-        x = out[i + 1].copy()
-    given[count] = given[count - 1]
-    require_finite(t, out, fun.states)
-    track = Track(t, out, fun.states, act, fun is model.kernel.full)
-    return track, {f"{n}_cmd": given[:, a] for a, n in enumerate(names)}
+            lengths = np.diff(low, append=low[-1] + steps[-1])
+        moved, memory, carried = np.empty_like(command), self._memory.copy(), self._carried.copy()
+        fun.actuate(
+            command, self._none, self._none, lengths, self._par, False, n == 0, memory, carried, moved,
+            self._no_slopes,
+        )  # fmt: skip
+        act = step_mean(moves, steps, moved) if self._delays else moved * lengths[:, None] / steps[:, None]
+        here = np.empty((1, x.size))
+        fun.simulate(
+            self._par, self._minv, x, low, steps, act, plan.exogenous[now], np.array([steps.size]), here,
+            NO_TRACE,
+        )  # fmt: skip
+        return _Reached(here[0], now, steps / plan.steps[now], act, memory, carried, (begin, row))
+
+    def _t(self, i: int) -> float:
+        """Sample time [s since the run began]."""
+        return float(self._plan.t[i] - self._plan.began)
+
+    def keep(self, reached: _Reached, act: Array) -> None:
+        """Go on from there; `act` gets the mean positions over the steps of the plan."""
+        act[reached.steps] += reached.share[:, None] * reached.act
+        self._memory, self._carried = reached.memory, reached.carried
+        self._knots[self._kept], self._levels[self._kept] = reached.knot
+        self._kept += 1
 
 
 def steady_start(model: Model, rpm: float | None = None, heading: float = 0.0) -> Array:
