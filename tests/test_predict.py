@@ -47,6 +47,7 @@ from bayesid.progress import Progress
 from bayesid.report.fit import diverging_words
 from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
 from bayesid.simulation import observe, plan_run, run_manoeuvre, simulate, steady_start
+from bayesid.simulation.closed_loop import ORDER_TIMES
 from bayesid.trials import Run, window, write_trial
 
 MODEL = model_of("remus100")
@@ -293,8 +294,9 @@ def test_a_vertical_zigzag_is_measured_by_the_planes_of_every_vehicle():
     assert predicted.orders["delta_s_cmd"].shape == (6, predicted.t.size)
     x0 = np.zeros(len(model.states))
     x0[model.states.index("u")] = balanced_speed(model, model.nominal[None], model.vehicle.rpm_ref)[0]
-    track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0)
-    data = {"theta": track.states[:, model.states.index("theta")], "delta_s": commands["delta_s_cmd"]}
+    track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0, exact=True)
+    theta = track.states[:, model.states.index("theta")]
+    data = {"theta": theta, "delta_s": commands["delta_s_cmd"], ORDER_TIMES: commands[ORDER_TIMES]}
     own = {q: v for result in measure("vzigzag", track.t, data) for q, v, _ in result["rows"]}
     told = {m["quantity"]: m["mean"] for m in measure_bands(as_given(predicted), measure)}
     for quantity in ("switch", "overshoot 1", "overshoot 2", "period"):
