@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from bayesid.trials.importing import (
 from bayesid.trials.importing.joining import join
 from bayesid.trials.importing.names import guess_role
 from bayesid.trials.importing.raw import RawChannel
+from bayesid.trials.importing.run_list import _as_a_whole
 from bayesid.trials.importing.unit_words import positive_side, split_unit
 from tests.raw_logs import draw, motion
 
@@ -143,6 +145,8 @@ def test_a_header_tells_its_positive_side(header, side):
         ("FdW [kn]", "speed_through_water"), ("Fahrt über Grund [kn]", "speed_over_ground"),
         ("Fahrt [kn]", "u"), ("Øst [m]", "east"), ("Svingrate [grader/s]", "r"), ("Turtall [o/min]", "n"),
         ("TWD (deg)", "wind_from"), ("Windrichtung [Grad]", "wind_from"), ("wind_vel [m/s]", "wind_speed"),
+        ("dvl_fwd_mps", "u"), ("dvl_stbd_mps", "v"), ("dvl_down_mps", "w"), ("BT vel forward (m/s)", "u"),
+        ("dvl_temp", None), ("dvl_port_mps", None),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip
@@ -550,6 +554,17 @@ def test_a_zigzag_is_named_by_what_was_ordered_and_not_by_where_the_rudder_is_se
     assert cutting.classify(t, angle, psi) == ("zigzag", f"zigzag {rudder}/{switch}")
 
 
+@pytest.mark.parametrize("rudder, said", [(0.0, "vertical zigzag 12/7"), (0.2, "turning circle 11")])
+def test_what_the_planes_do_is_told_where_the_rudder_does_nothing(rudder, said):
+    t, angle, pitch = zigzag_log(12, 7, np.inf, 0.0)
+    commands = {"delta_r_cmd": np.full(t.shape, rudder), "delta_s_cmd": angle}
+    data = {"theta": pitch, "psi": 2.0 * rudder * t}
+    assert _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data)) == said
+    commands["delta_s_cmd"] = np.zeros(t.shape)
+    still = _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data))
+    assert still == ("straight" if rudder == 0.0 else said)
+
+
 @pytest.mark.parametrize("step", [0.25, 0.5, 1.0, 1.5, 2.0])
 @pytest.mark.parametrize("rudder, switch", [(10, 10), (20, 20), (15, 15), (10, 5), (20, 10), (8, 8)])
 def test_a_heading_that_moves_degrees_between_samples_makes_no_zigzag_of_another_name(rudder, switch, step):
@@ -702,7 +717,6 @@ def test_a_series_that_is_not_there_is_not_taken_for_one_of_the_same_unit(tmp_pa
 
 def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_readings():
     """Joined files of other rates leave empty cells; a diagnosis once found no noise in them."""
-    from types import SimpleNamespace
 
     from bayesid.trials.noise import noise_of_readings
 

@@ -74,15 +74,17 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("v_water", r"v water|vy water|dvl water y|sway water"),
     ("u", r"u|surge|vx|vel x|u velo|surge vel(ocity)?|surge speed|vx body|body vx|u body|forward speed|"
           r"fahrt|fart|"
-          r"dvl x|dvl vx|bt x|"
+          r"dvl x|dvl vx|bt x|(dvl|bt|bottom track) (vel(ocity)? )?(fwd|forward|ahead|surge|u)|"
           r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|"
           r"long(itudinal)? speed|speed (fwd|forward|ahead|surge|long(itudinal)?)"),
     ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|"
           r"linear y|velocity y|"
+          r"(dvl|bt|bottom track) (vel(ocity)? )?(stbd|starboard|sway|lateral|transverse|athwart|v)|"
           r"lateral (speed|velocity)|v ground|v y|transverse speed|"
           r"speed (stbd|starboard|sway|lateral|transverse|athwart)"),
     ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z|"
-          r"heave speed|vertical (speed|velocity)|speed (down|heave|vertical)"),
+          r"heave speed|vertical (speed|velocity)|speed (down|heave|vertical)|bt z|"
+          r"(dvl|bt|bottom track) (vel(ocity)? )?(down|heave|vertical|w)"),
     ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
                 r"steer|steering|tiller|"
                 r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre|"

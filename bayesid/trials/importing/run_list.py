@@ -79,9 +79,20 @@ def _rudder(look: Run) -> Floats | None:
 
 
 def _as_a_whole(look: Run) -> str:
-    """What the orders of a run are, of which only straight pieces are long enough: turns may be brief."""
+    """What the orders of a run are, of which only straight pieces are long enough: turns may be brief, and
+    planes are no matter of a course."""
     rudder = _rudder(look)
-    return "straight" if rudder is None else classify(look.t, rudder, look.data.get("psi"))[1]
+    words = "straight" if rudder is None else classify(look.t, rudder, look.data.get("psi"))[1]
+    return _in_the_vertical(look) or words if words == "straight" else words
+
+
+def _in_the_vertical(look: Run) -> str:
+    """What the stern planes do, as words; empty where they hold still or do nothing that has a name."""
+    planes = look.commands.get("delta_s_cmd", look.measured_inputs.get("delta_s"))
+    if planes is None or not np.isfinite(planes).all():
+        return ""
+    kind, words = classify(look.t, planes, look.data.get("theta"))
+    return f"vertical {words}" if kind == "zigzag" else "" if kind == "straight" else "stern plane orders"
 
 
 def _pieces(look: Run) -> list[Piece]:
