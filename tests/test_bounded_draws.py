@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm, truncnorm
 
-from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import (
+    read_diagnosed,
+    remove_fitted,
+    write_diagnosed,
+    write_why_not,
+)
 from bayesid.errors import ModelError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions
@@ -126,3 +131,13 @@ def test_a_folder_without_a_model_says_why_and_what_writes_one(tmp_path, beside,
     with pytest.raises(ModelError, match="cannot be read") as found:
         read_diagnosed(tmp_path)
     assert told in str(found.value)
+
+
+def test_why_a_fit_left_no_model_is_said_where_one_is_asked_for_until_there_is_one(tmp_path):
+    (tmp_path / "fit.json").write_text("{}")
+    write_why_not(tmp_path, "every draw diverges")
+    with pytest.raises(ModelError, match="the fit in this folder wrote none: every draw diverges"):
+        read_diagnosed(tmp_path)
+    remove_fitted(tmp_path)
+    with pytest.raises(ModelError, match="without --quick"):
+        read_diagnosed(tmp_path)

@@ -203,6 +203,10 @@ def test_a_warning_that_rests_on_no_sign_stands_however_unsure_its_row_is(found)
 def test_where_no_model_was_written_the_fit_that_writes_one_is_named(found):
     assert any("fit without --quick" in text for text in next_steps(found, model_written=False))
     assert not any("--quick" in text for text in next_steps(found))
+    why = next_steps(found, model_written=False, no_model="every draw diverges")
+    assert "Do not predict with THIS_FOLDER: every draw diverges." in why and not any(
+        "--quick" in text for text in why
+    )
 
 
 def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):

@@ -22,7 +22,7 @@ from bayesid.api.inputs import (
     with_believed_noise,
 )
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed, write_why_not
 from bayesid.diagnosis.input import not_enough
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError, FitError, TrialError
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     import pandas
 
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
+QUICK_FIT = "it was made with --quick; run it again without"
 # Samples to identify above which dense readings are averaged.
 MOST_SAMPLES = 100_000
 COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
@@ -156,15 +157,20 @@ def fit(
     places = places_of(trial, out, data, vehicle, effects)
     if out is not None:
         remove_fitted(out)  # it would predict with the coefficients of the fit before
-    if out is None or quick or found.posterior is None:
+    if out is None:
         return FitResult(found, places=places)
+    if quick or found.posterior is None:
+        why = QUICK_FIT if quick else "the vehicle diverges at its estimate"
+        write_why_not(out, why)
+        return FitResult(found, places=places, no_model="" if quick else why)
     try:
         with shown.stage("predict the fitted runs") as stage, several_threads(processors()):
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
             lost = diverging_draws(model, found.trial.holdout or found.trial.identify, seed=seed)
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
-        return FitResult(found, places=places)
+        write_why_not(out, str(error))
+        return FitResult(found, places=places, no_model=str(error))
     write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
     return FitResult(found, replace(calibration, diverge=lost), places)
 
@@ -176,12 +182,14 @@ class FitResult(Result):
     Attributes
     ----------
     calibration : how well the fitted runs are predicted from their first readings; None without `out`
+    no_model : why no model for predictions could be made; empty where it could, or was not asked for
     found : trial, vehicle as given and as identified, problem, estimates, runs beside their simulations
     """
 
     found: TrialFit
     calibration: Calibration | None = None
     places: Places = NOWHERE
+    no_model: str = ""
 
     @property
     def success(self) -> bool:
@@ -223,10 +231,11 @@ class FitResult(Result):
         return table(COLUMNS, self.coefficients()).set_index("coefficient")
 
     def report(self) -> Report:
-        return fit_report(self.found, self.calibration, self.places)
+        return fit_report(self.found, self.calibration, self.places, self.no_model)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return write_fit_report(self.found, folder, self.calibration, self.places.written(folder))
+        written = self.places.written(folder)
+        return write_fit_report(self.found, folder, self.calibration, written, self.no_model)
 
     def record(self) -> Mapping[str, Any]:
         found, result = self.found, self.found.fit

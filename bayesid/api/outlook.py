@@ -17,7 +17,7 @@ from bayesid.words import and_list, counted, digits
 
 # Seconds of one core per reading, least and most of four diagnoses with --quick of AUVs and a submarine in
 # the plane (3100 to 7800 readings: 38 to 79 s), and what else they need; without --quick it is up to half as
-# long again; spatial ones take so many times a planar one (an AUV of 3086 readings in seven runs: 203 s on one
+# long again; spatial ones take so many times a planar one (an AUV, 3086 readings in seven runs: 203 s on one
 # core, 141 s on two).
 PER_READING, BESIDE, WHOLE, SPATIAL = (0.005, 0.015), 10.0, 1.5, 5.0
 PLENTY = 10.0  # readings per length travelled

@@ -19,13 +19,14 @@ from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.files import UnreadableError, read_regular, write_json
+from bayesid.files import UnreadableError, read_regular, write_atomic, write_json
 from bayesid.model.effects import Effect
 from bayesid.model.vehicles import load_vehicle, write_vehicle
 
 Array = np.ndarray
 FORMAT, FORMAT_WITH_RUNS = 1, 2  # 2: coefficients deviate from run to run, which readers of 1 would leave out
 MODEL_FILE, VEHICLE_FILE = "model.json", "vehicle_nominal.toml"
+NO_MODEL, LARGEST_REASON = "no_model.txt", 2**16  # why a fit left no model; bytes of it
 LARGEST_MODEL = 2**28  # bytes of model.json; 70 coefficients with covariance take 0.1 MB a hypothesis
 SYMMETRIC = 1e-8
 
@@ -128,19 +129,27 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
 def _why_missing(folder: Path) -> str:
     """Why a folder may hold no model, by what else is in it, and what writes one."""
     if (folder / "fit.json").exists():
-        return (
-            "the fit in this folder wrote none: run it again without --quick; where it was run so, no model "
-            "could be made, and its report says what is to be done"
-        )
+        try:
+            why = read_regular(folder / NO_MODEL, LARGEST_REASON).decode("utf-8").strip()
+        except (UnreadableError, ValueError):
+            why = "it was made with --quick, or stopped before; run it again without --quick"
+        return f"the fit in this folder wrote none: {why}"
     if (folder / "diagnosis.json").exists():
         return "the diagnosis in this folder could not make one; the notes of its report say why"
     out = shlex.quote(os.fspath(folder))
     return f"`bayesid diagnose BUNDLE --out {out}` and `bayesid fit BUNDLE --out {out}` write it"
 
 
+def write_why_not(folder: str | os.PathLike[str], why: str) -> None:
+    """Say in a folder why a fit has left no model there; `read_diagnosed` repeats it."""
+    write_atomic(Path(folder) / NO_MODEL, f"{why}\n")
+
+
 def remove_fitted(folder: str | os.PathLike[str]) -> None:
-    """Take away the model an earlier fit left in a folder; that of a diagnosis, or of nobody known, stays."""
+    """Take away the model an earlier fit left in a folder, or why it left none; that of a diagnosis, or of
+    nobody known, stays."""
     path = Path(folder) / MODEL_FILE
+    (Path(folder) / NO_MODEL).unlink(missing_ok=True)
     try:
         fitted = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))["verdict"] == "fit"
     except (UnreadableError, ValueError, KeyError, TypeError):

@@ -52,6 +52,7 @@ def write_fit_report(
     folder: str | os.PathLike[str],
     calibration: Calibration | None = None,
     places: Places = NOWHERE,
+    no_model: str = "",
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
@@ -75,11 +76,13 @@ def write_fit_report(
             for r in found.runs
         ],
     }  # fmt: skip
-    return writer.write(fit_report(found, calibration, places), folder, results)
+    return writer.write(fit_report(found, calibration, places, no_model), folder, results)
 
 
-def fit_report(found: TrialFit, calibration: Calibration | None = None, places: Places = NOWHERE) -> Report:
-    """The report as plain data."""
+def fit_report(
+    found: TrialFit, calibration: Calibration | None = None, places: Places = NOWHERE, no_model: str = ""
+) -> Report:
+    """The report as plain data; `no_model` says why there is none for predictions."""
     sections = [
         _coefficients(found),
         *_certainty(found, calibration),
@@ -94,7 +97,7 @@ def fit_report(found: TrialFit, calibration: Calibration | None = None, places: 
         lead,
         sections,
         failed_checks(found),
-        first_screen.first_blocks(found, next_steps(found, calibration is not None, places)),
+        first_screen.first_blocks(found, next_steps(found, calibration is not None, places, no_model)),
     )
 
 
@@ -121,8 +124,11 @@ def _verdict_words(found: TrialFit) -> str:
     )
 
 
-def next_steps(found: TrialFit, model_written: bool = True, places: Places = NOWHERE) -> list[str]:
-    """What to do with this fit; `model_written` where `bayesid predict` finds its model."""
+def next_steps(
+    found: TrialFit, model_written: bool = True, places: Places = NOWHERE, no_model: str = ""
+) -> list[str]:
+    """What to do with this fit; `model_written` where `bayesid predict` finds its model, `no_model` why there
+    is none."""
     out = freeing_words(found)
     if not found.fit.converged:
         out.append(
@@ -140,7 +146,7 @@ def next_steps(found: TrialFit, model_written: bool = True, places: Places = NOW
         out.append(
             f"Residuals are several times the noise: `bayesid diagnose {places.fitted}` asks for the cause."
         )
-    why_not = "" if found.fit.converged else "its search did not converge"
+    why_not = no_model if found.fit.converged else "its search did not converge"
     if holdout_words(found.runs):
         why_not = "it predicts held-out runs worse than the vehicle as given"
     if first_screen.unphysical(found):
