@@ -271,13 +271,24 @@ def test_noise_that_is_not_stated_is_estimated_and_said():
         assert 0.7 * sigma < found < 1.6 * sigma, channel
 
 
+def held(run, **orders):
+    """The run with these orders throughout."""
+    return replace(
+        run, commands={**run.commands, **{n: np.full(run.n_samples, v) for n, v in orders.items()}}
+    )
+
+
 def test_a_run_that_was_to_be_straight_and_is_not_is_named():
     """A rudder that stands off turns the vehicle in its straight run: 'no straight run' alone surprises."""
     model = model_of()
     trial = replace(planted_trial(model), environment=None)
-    bent = [replace(r, manoeuvre="straight" if r.name == "turn" else r.manoeuvre) for r in trial.runs]
+    faster = [replace(r, manoeuvre="straight" if r.name == "turn" else r.manoeuvre) for r in trial.runs]
+    steered = [held(r, n_cmd=1200.0) for r in faster]
+    bent = [held(r, n_cmd=1200.0, delta_r_cmd=0.02) for r in faster]
     for runs, words in (
-        (bent, "no straight run (turn: no course within 15 degrees"),
+        (faster, "no straight run (turn: its revolutions change)"),
+        (steered, "no straight run (turn: its rudder moves)"),
+        (bent, "no straight run (turn: it keeps no course within 15 degrees)"),
         (trial.runs, "no straight run: "),
     ):
         told = [w for w in build_problem(model, replace(trial, runs=tuple(runs))).warnings if words in w]

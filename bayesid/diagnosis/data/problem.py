@@ -26,7 +26,7 @@ from bayesid.estimation.filter_error.noise_identification import (
     stated_noise,
 )
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.estimation.filter_error.read_run import LONGER_STEPS, STRAIGHT_LENGTHS, filter_error_run
+from bayesid.estimation.filter_error.read_run import LONGER_STEPS, filter_error_run, why_not_straight
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
 from bayesid.estimation.onsets import onsets_tried
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
@@ -271,19 +271,16 @@ def _environment(
                 same=STRAIGHT_NOISE_SPREAD,
             )
         return identify_noise(model, logs, free, rounds=1, known=first, steps=5)
-    warnings.append(_not_straight(trial))
+    warnings.append(_not_straight(model, trial, logs))
     found = identify_noise(model, logs, free)
     return NoiseIdentification(found.noise_model, "assumed", 1.0)
 
 
-def _not_straight(trial: Trial) -> str:
+def _not_straight(model: Model, trial: Trial, logs: list[RunData]) -> str:
     """That no run tells the environment apart from the vehicle, and why not those that were meant to."""
-    meant = [run.name for run in trial.identify if "straight" in run.manoeuvre.lower()]
-    why = (
-        f" ({', '.join(meant)}: no course within 15 degrees, or not for {STRAIGHT_LENGTHS:g} lengths)"
-        if meant
-        else ""
-    )
+    meant = {run.name for run in trial.identify if "straight" in run.manoeuvre.lower()}
+    told = [f"{log.name}: {why_not_straight(model, log)}" for log in logs if log.name in meant]
+    why = f" ({'; '.join(told)})" if told else ""
     return f"no straight run{why}: the environment is estimated from all runs, so a gap may hide in it"
 
 

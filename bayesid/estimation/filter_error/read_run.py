@@ -24,6 +24,7 @@ FIRST_SLOPE_ERROR = 0.07
 # (`noise_identification.LONGEST_TAU`).
 STRAIGHT_FIN_RMS, STRAIGHT_HEADING_SWING, STRAIGHT_COURSE_BEND, STRAIGHT_LENGTHS = 0.1, 0.26, 0.01, 6.0
 FINS = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
+NAMES = {"delta_r": "rudder", "delta_s": "stern plane", "delta_b": "bow plane"}
 # Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
 FIRST_SPEED_LENGTHS = 5.0
 # How much longer steps are than those of whole runs: maps of single sample intervals gather no error. Twice
@@ -79,7 +80,7 @@ def filter_error_run(
         run.manoeuvre,
         run.role,
         path,
-        _straight(model, plan, _heading(model, plan, path, names)),
+        not _bent(model, plan, _heading(model, plan, path, names)),
     )
 
 
@@ -148,8 +149,14 @@ def _heading(model: Model, plan: TimePlan, path: Array, names: Sequence[str]) ->
     return np.interp(t, t[kept], course)
 
 
-def _straight(model: Model, plan: TimePlan, heading: Array | None) -> bool:
-    """Whether nothing was ordered and the vehicle keeps a course: what moves it sideways is the environment.
+def why_not_straight(model: Model, log: RunData) -> str:
+    """Why a run is no straight one, as a clause; empty where it is."""
+    return _bent(model, log.plan, _heading(model, log.plan, log.path, list(log.channels)))
+
+
+def _bent(model: Model, plan: TimePlan, heading: Array | None) -> str:
+    """Why a run is none in which nothing was ordered and the vehicle keeps a course, empty where it is one:
+    there what moves it sideways is the environment.
 
     Revolutions are held; every fin moves little about its mean, as one does that answers; the heading stays
     within 15 degrees, if need be of a course so slowly bent that the vehicle does not feel it. Held fins
@@ -160,19 +167,22 @@ def _straight(model: Model, plan: TimePlan, heading: Array | None) -> bool:
     a = model.kernel.actuators
     time = model.scales["L"] / model.scales["U"]
     rpm = plan.command[:, a.index("n")]
-    if np.ptp(rpm) > 0.02 * max(1.0, np.abs(rpm).max()) or plan.t[-1] - plan.t[0] < STRAIGHT_LENGTHS * time:
-        return False
+    if np.ptp(rpm) > 0.02 * max(1.0, np.abs(rpm).max()):
+        return "its revolutions change"
+    if plan.t[-1] - plan.t[0] < STRAIGHT_LENGTHS * time:
+        return f"it is shorter than {STRAIGHT_LENGTHS:g} lengths"
     for name, letter in FINS.items():
         if name in a:
             limit = min(float(model.nominal[model.index[f"limit_{letter}"]]), 0.6)
             if np.std(plan.command[:, a.index(name)]) >= STRAIGHT_FIN_RMS * limit:
-                return False
+                return f"its {NAMES[name]} moves"
     if heading is None:
-        return False
+        return "its heading is not known"
     if np.ptp(heading) < STRAIGHT_HEADING_SWING:
-        return True
+        return ""
     bend, begin = np.polyfit(plan.t, heading, 1)
-    return bool(
+    kept = (
         abs(bend) * time < STRAIGHT_COURSE_BEND
         and np.ptp(heading - begin - bend * plan.t) < STRAIGHT_HEADING_SWING
     )
+    return "" if kept else "it keeps no course within 15 degrees"
