@@ -166,3 +166,11 @@ def test_a_name_read_as_another_or_not_in_the_file_is_told(name, words):
     if name == "N_drr":
         with pytest.warns(UserWarning, match="is read as"):
             simulate("remus100", "zigzag:10/10", change={name: 0.1})
+
+
+def test_a_vertical_zigzag_is_simulated_in_six_degrees_of_freedom_without_being_asked(capsys):
+    assert run(["simulate", "remus100", "vzigzag:8", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["dof"] == 6
+    assert "theta" in simulate("remus100", "vzigzag:8").runs[0].data
+    with pytest.raises(ManoeuvreError, match="out of the horizontal plane"):
+        simulate("kvlcc2_mmg", "vzigzag:8")

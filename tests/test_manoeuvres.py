@@ -14,6 +14,7 @@ from bayesid import manoeuvres as man
 from bayesid.errors import ManoeuvreError
 from bayesid.manoeuvres import signals
 from bayesid.manoeuvres.catalogue import REGISTRY
+from bayesid.manoeuvres.registry import degrees_of_freedom
 
 DEG = math.pi / 180
 BOAT = man.Scale(L=102.0, U=5.4, rpm=60.0, max_rudder=35 * DEG, dof=6)
@@ -438,3 +439,10 @@ def test_every_manoeuvre_that_may_be_proposed_says_what_is_ordered_and_how_it_is
     moves = rudders and np.ptp(sized[name].commands["delta_r_cmd"]) > 0.0
     assert ("rudder" in said) == moves or "first" in said or name == "combinedheld"
     assert type(man.parse(man.LIBRARY[name], man.Scale(2.0, 1.5, 1500.0, 0.4, 0.4, 6))) is type(sized[name])
+
+
+def test_manoeuvres_that_leave_the_horizontal_plane_need_six_degrees_of_freedom():
+    assert degrees_of_freedom(["turn:20", "zigzag:10/10,side=port"]) == 3
+    assert degrees_of_freedom(["turn:20", " VZIGZAG:8 "]) == 6
+    assert degrees_of_freedom(["vzigzag,plane=5"]) == 6
+    assert degrees_of_freedom([]) == degrees_of_freedom(["no such thing"]) == 3

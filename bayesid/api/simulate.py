@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.api.inputs import VehicleLike, change_notes, ordered, parameter_values, scale_of, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ManoeuvreError
+from bayesid.manoeuvres.registry import degrees_of_freedom
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
 from bayesid.words import did_you_mean
@@ -22,7 +23,7 @@ from bayesid.words import did_you_mean
 def simulate(
     vehicle: VehicleLike,
     *manoeuvres: str,
-    dof: int = 3,
+    dof: int | None = None,
     dt: float | None = None,
     rpm: float | None = None,
     change: Mapping[str, float | str] | None = None,
@@ -36,7 +37,7 @@ def simulate(
     ----------
     vehicle : built-in name, vehicle file or `Vehicle`
     manoeuvres : texts such as "zigzag:10/10", "turn:20,side=starboard", "prbs:seed=3", "table:commands.csv"
-    dof : 3 (horizontal plane) or 6
+    dof : 3 (horizontal plane) or 6; by default 6 where a manoeuvre leaves that plane
     dt : step of commands and log [s]; by default the manoeuvre's own. A table's commands are held between
         its rows, which stay in the log
     rpm : shaft speed; by default the vehicle's usual one
@@ -54,7 +55,8 @@ def simulate(
     VehicleError, ManoeuvreError, ModelError
         what cannot be read or executed
     """
-    model = build_model(vehicle_of(vehicle), dof)
+    ship = vehicle_of(vehicle)
+    model = build_model(ship, dof or (3 if ship.planar_only else degrees_of_freedom(manoeuvres)))
     return simulate_model(model, vehicle, manoeuvres, dt, rpm, change, noise, seed, holdout)
 
 

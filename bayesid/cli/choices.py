@@ -126,7 +126,11 @@ Depth = Annotated[
 ]
 Dof = Annotated[
     int | None,
-    typer.Option("--dof", help="3 (horizontal plane, default) or 6 degrees of freedom; a trial's own."),
+    typer.Option(
+        "--dof",
+        help="3 (horizontal plane) or 6 degrees of freedom. Default: a trial's own, else 3; 6 to simulate "
+        "what leaves the plane.",
+    ),
 ]
 Executed = Annotated[
     list[str] | None,

@@ -65,6 +65,7 @@ def simulate(
     from bayesid.cli.quantity import changes_of, noise_of
     from bayesid.cli.run_measures import print_measures
     from bayesid.equations.model import build_model
+    from bayesid.manoeuvres.registry import degrees_of_freedom
     from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import write_trial
     from bayesid.trials.write import refuse_trial
@@ -72,7 +73,8 @@ def simulate(
     if out is not None:
         refuse_trial(out)
     found = load_vehicle(vehicle)
-    model = build_model(found, dof or 3)
+    dof = dof or (3 if found.planar_only else degrees_of_freedom(manoeuvres))
+    model = build_model(found, dof)
     trial = simulate_model(
         model, vehicle, tuple(manoeuvres), dt, rpm, changes_of(change), noise_of(noise), seed, holdout or ()
     )
@@ -81,7 +83,7 @@ def simulate(
         write_trial(trial, out)
     if as_json:
         print_json({
-            "vehicle": found.name, "digest": model.digest, "dof": dof or 3, "seed": seed, "runs": results
+            "vehicle": found.name, "digest": model.digest, "dof": dof, "seed": seed, "runs": results
         })  # fmt: skip
         return
     for result in results.values():

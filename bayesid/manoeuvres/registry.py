@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from bayesid.errors import ManoeuvreError, raise_all
@@ -59,6 +59,13 @@ def _value(kind: str, text: str, scale: Scale) -> Any:
         units = f" ({', '.join(suffixes)})" if suffixes else ""
         raise ValueError(f"expected a number{units}")
     return number * factor
+
+
+def degrees_of_freedom(texts: Iterable[str]) -> int:
+    """Degrees of freedom that manoeuvres, as `parse` reads them, need: 6 where one leaves the horizontal
+    plane."""
+    names = (text.strip().partition(":")[0].partition(",")[0].strip().lower() for text in texts)
+    return max((REGISTRY[name].dof for name in names if name in REGISTRY), default=3)
 
 
 def parse(text: str, scale: Scale) -> Manoeuvre:
