@@ -137,9 +137,9 @@ def fit(
         chosen = with_believed_noise(chosen, ship)
     if not resample:
         chosen = condensed(chosen, ship, MOST_SAMPLES, trust_noise=True)
-    few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
-    options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
+    options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None)
+    options = replace(options, rounds=QUICK_ROUNDS) if quick else options
     shown = progress or Progress(quiet=True)
     if blown := wind_words(ship, chosen):
         shown.note(blown)

@@ -62,6 +62,7 @@ def weighted_fit(
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
     kinds : run -> kind of its motion, for posterior predictive p
     say : as in `fit`, of the first search
+    options : in 6 degrees of freedom searches are finished in a trust region (`FitOptions.finish`)
     smoothed : unknowns at an estimate along the smoothed path (`smoothed_start`). In 6 degrees of freedom the
         first search begins there where the cost is lower than at the start values; in the plane a second one
         does where the first did not converge. The likelier end stands
@@ -74,6 +75,7 @@ def weighted_fit(
     """
     if folder is not None:  # one of an earlier fit would look like this one's
         (Path(folder) / "fit.json").unlink(missing_ok=True)
+    options = replace(options, finish=problem.model.dof == 6)
     noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts, say, smoothed)
     if parts is None and posterior is not None and result.converged:
         plain = noisy, result, posterior

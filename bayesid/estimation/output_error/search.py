@@ -25,11 +25,14 @@ from bayesid.estimation.output_error.flat_directions import flat_directions, sin
 from bayesid.estimation.output_error.iterate_log import IterateLog
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.slsqp import DAMPING, Clock, Enough, Iterate, Round, run_round
+from bayesid.estimation.output_error.trust_region import finish
 
 Array = np.ndarray
 TIME_SHARES = ("line_search", "gradient", "subproblem", "other")
 FRESH = "--fresh (in Python resume=False) begins anew"
 SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
+# Rounds of SLSQP before a search is finished in a trust region, and evaluations there per round allowed.
+BEFORE_FINISHING, FINISHING = 6, 10
 SAME_COST_SHARE = 1e-3  # starts whose costs differ by less than this share end in the same minimum
 
 
@@ -49,6 +52,8 @@ class FitOptions:
     profile : weigh every channel by its own residuals: their rms, as the maximum of the likelihood has it,
         times the root of their correlation time [samples], so that errors that persist do not count as many
         readings. None: no, but `fit_trial` does where the trial leaves the noise of a channel open
+    finish : a search that has not converged after six rounds goes on in a trust region (`trust_region`),
+        unless it stalls or profiles
     """
 
     rounds: int = 20
@@ -60,6 +65,7 @@ class FitOptions:
     spread: float = 0.3
     flat_level: float = 0.5
     profile: bool | None = None
+    finish: bool = False
     seed: int = 0
 
 
@@ -207,7 +213,9 @@ def _search(
             raise Enough("the cost goal is reached")
 
     slow, damping = 0, DAMPING
-    while search.rounds < options.rounds:
+    finishing = options.finish and not options.profile
+    most = min(options.rounds, BEFORE_FINISHING) if finishing else options.rounds
+    while search.rounds < most:
         if begun is None:
             settled = not options.profile or _profile(search)
             search.predicted, zero = predicted_gain(search.problem, search.z)
@@ -238,12 +246,27 @@ def _search(
     else:
         search.predicted, zero = predicted_gain(search.problem, search.z)
         search.status, search.message = _judge(search, options, zero, slow)
+    if search.status == "budget" and finishing:
+        _finish(search, options, after)
     journal.write(
         kind="end", start=number, status=search.status, message=search.message, cost=search.cost,
         cost_start=search.cost_start, rounds=search.rounds, z=search.z.tolist(), predicted=search.predicted,
         sigma=_sigma(search.problem) if options.profile else None, clock=vars(search.clock),
     )  # fmt: skip
     return search
+
+
+def _finish(search: _Search, options: FitOptions, after: Callable[[Array, float, float], None]) -> None:
+    """The search taken on in a trust region; it stays where it was if that gains nothing."""
+    most = FINISHING * options.rounds
+    z, cost = finish(search.problem, search.z, _limit(search, options), most, after)
+    if not cost < search.cost:
+        return
+    search.z, search.cost = z, cost
+    search.predicted, zero = predicted_gain(search.problem, z)
+    status, message = _judge(search, options, zero, 0)
+    if status != "budget":
+        search.status, search.message = status, f"{message}; the last steps in a trust region"
 
 
 def _digest(problem: FitProblem, options: FitOptions, begin: Array | None) -> str:
@@ -362,12 +385,17 @@ def _profile(search: _Search) -> bool:
     return False
 
 
+def _limit(search: _Search, options: FitOptions) -> float:
+    """Predicted decrease of the cost that counts as none."""
+    return max(options.gain, options.relative_gain * search.cost)
+
+
 def _judge(search: _Search, options: FitOptions, zero: bool, slow: int) -> tuple[str, str]:
     if zero:
         return "rounding", "converged: residuals are at rounding level"
     if search.cost <= options.goal:
         return "goal", f"the cost goal {options.goal:.3g} is reached"
-    limit = max(options.gain, options.relative_gain * search.cost)
+    limit = _limit(search, options)
     if search.predicted <= limit:
         return (
             "converged",
