@@ -9,9 +9,10 @@ from scipy.interpolate import CubicSpline
 from bayesid.equations.model import build_model
 from bayesid.manoeuvres import depth_change, zigzag
 from bayesid.measures.zigzag import zigzag as measured
+from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import steady_start
-from bayesid.simulation.closed_loop import ORDER_TIMES, run_manoeuvre
+from bayesid.simulation.closed_loop import run_manoeuvre
 
 DEG = np.pi / 180
 MODEL = build_model(load_vehicle("lauv"), 3)

@@ -27,6 +27,7 @@ from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
+from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
 from bayesid.prediction import run_prediction
 from bayesid.prediction.fitted_model import Calibration, diverging_draws
@@ -47,7 +48,6 @@ from bayesid.progress import Progress
 from bayesid.report.fit import diverging_words
 from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
 from bayesid.simulation import observe, plan_run, run_manoeuvre, simulate, steady_start
-from bayesid.simulation.closed_loop import ORDER_TIMES
 from bayesid.trials import Run, window, write_trial
 
 MODEL = model_of("remus100")

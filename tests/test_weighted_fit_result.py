@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +12,8 @@ from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood import weighted_fit as module
+from bayesid.estimation.likelihood.held_coefficients import HeldCheck
+from bayesid.estimation.likelihood.model_form import Asked
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.fit_result import load_fit
@@ -86,7 +88,8 @@ def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
             return noisy, found, None
         return noisy, replace(found, status="budget", message="not converged in 3 rounds"), posterior
 
-    monkeypatch.setattr(module, "form_size", lambda *args: 1e-4)
+    held = HeldCheck(30.0, {"N_r": (1.0, 0.1)})
+    monkeypatch.setattr(module, "asked_beyond", lambda *args: Asked(1e-4, held))
     monkeypatch.setattr(module, "_without_form", failing)
     _, found, posterior = weighted_fit(problem(), STATED)
     assert found.n_params == len(posterior.names) == len(SIX) and found.converged
@@ -97,6 +100,7 @@ def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
     assert reason in found.message.split("failed")[1]
     (said,) = form_words(found)
     assert "may stand in for it" in said
+    assert found.uncertainty["held"] == asdict(held)
 
 
 def test_a_fit_whose_runs_ask_for_no_form_says_nothing_of_one():

@@ -46,7 +46,8 @@ def problem_at(
     problem = trial_problem(model, trial, params, sigma=dict(earlier.sigma))
     remarks = []
     if form_rows_of(earlier, model):  # with the prior and the values they had
-        params = with_form(problem, earlier.uncertainty["form"]["size"]).params
+        form = earlier.uncertainty["form"]
+        params = with_form(problem, form["size"], form["rows"]).params
         problem = problem.with_params(
             params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
         )

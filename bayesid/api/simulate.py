@@ -15,6 +15,7 @@ from bayesid.api.inputs import VehicleLike, change_notes, ordered, parameter_val
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ManoeuvreError
 from bayesid.manoeuvres.registry import degrees_of_freedom
+from bayesid.model.vehicles import Vehicle
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
 from bayesid.words import did_you_mean
@@ -56,8 +57,13 @@ def simulate(
         what cannot be read or executed
     """
     ship = vehicle_of(vehicle)
-    model = build_model(ship, dof or (3 if ship.planar_only else degrees_of_freedom(manoeuvres)))
+    model = build_model(ship, dof or needed_dof(ship, manoeuvres))
     return simulate_model(model, vehicle, manoeuvres, dt, rpm, change, noise, seed, holdout)
+
+
+def needed_dof(vehicle: Vehicle, manoeuvres: Iterable[str]) -> int:
+    """6 where a manoeuvre leaves the horizontal plane and the vehicle can, else 3."""
+    return 3 if vehicle.planar_only else degrees_of_freedom(manoeuvres)
 
 
 def simulate_model(

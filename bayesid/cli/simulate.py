@@ -60,12 +60,11 @@ def simulate(
 
     --quiet prints a line per run and no measures. Orders of your own are a table, `table:FILE.csv`.
     """
-    from bayesid.api.simulate import simulate_model
+    from bayesid.api.simulate import needed_dof, simulate_model
     from bayesid.cli.output import print_json, print_text
     from bayesid.cli.quantity import changes_of, noise_of
     from bayesid.cli.run_measures import print_measures
     from bayesid.equations.model import build_model
-    from bayesid.manoeuvres.registry import degrees_of_freedom
     from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import write_trial
     from bayesid.trials.write import refuse_trial
@@ -73,7 +72,7 @@ def simulate(
     if out is not None:
         refuse_trial(out)
     found = load_vehicle(vehicle)
-    dof = dof or (3 if found.planar_only else degrees_of_freedom(manoeuvres))
+    dof = dof or needed_dof(found, manoeuvres)
     model = build_model(found, dof)
     trial = simulate_model(
         model, vehicle, tuple(manoeuvres), dt, rpm, changes_of(change), noise_of(noise), seed, holdout or ()

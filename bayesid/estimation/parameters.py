@@ -69,7 +69,7 @@ def coefficient_set(
     for name in names:
         value = float(model.nominal[model.index[name]])
         sd = model.prior_sd(name)
-        scale = abs(value) or _unit_size(model, name)
+        scale = abs(value) or unit_size(model, name)
         half = (
             relative_bounds * scale if relative_bounds else WIDE * max(scale, 0.0 if math.isnan(sd) else sd)
         )
@@ -95,7 +95,7 @@ def coefficient_set(
     return ParameterSet(tuple(entries), joint)
 
 
-def _unit_size(model: Model, name: str) -> float:
+def unit_size(model: Model, name: str) -> float:
     """Scale of a parameter that is zero: its prior sd, else 1e-3 of the prime unit at the reference speed."""
     sd = model.prior_sd(name)
     if sd > 0:

@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.measures.pullout import pull_out
 from bayesid.measures.turning import turning_circle
 from bayesid.measures.zigzag import spiral, zigzag
+from bayesid.model.notation import ORDER_TIMES
 
 Rows = list[tuple[str, float, str]]
 DEG = math.pi / 180
@@ -78,12 +79,12 @@ def _zigzag_rows(m: Any) -> Rows:
 
 
 def _zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
-    m = zigzag(t, data["psi"], data["delta_r"], data.get("x"), data.get("y"), data.get("orders_t"))
+    m = zigzag(t, data["psi"], data["delta_r"], data.get("x"), data.get("y"), data.get(ORDER_TIMES))
     return _zigzag_rows(m), m.reasons
 
 
 def _vertical_zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
-    m = zigzag(t, data["theta"], data["delta_s"], orders_t=data.get("orders_t"))
+    m = zigzag(t, data["theta"], data["delta_s"], orders_t=data.get(ORDER_TIMES))
     return [row for row in _zigzag_rows(m) if row[0] != "initial turning distance"], m.reasons
 
 

@@ -13,3 +13,4 @@ STATES = POSE + VELOCITY
 
 FORCE_AXES = AXES[:3]
 MOMENT_AXES = AXES[3:]
+ORDER_TIMES = "orders_t"  # name among orders: since when those of a sample are given [s]

@@ -16,11 +16,11 @@ from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.run_data import Array
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
+from bayesid.model.notation import ORDER_TIMES
 from bayesid.prediction.draws import centres_of, disturbed, estimate_of, require_enough, slow_errors
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise
 from bayesid.prediction.prediction import Prediction
 from bayesid.simulation import TimePlan, carried_by_water, observe, plan_run, run_manoeuvre
-from bayesid.simulation.closed_loop import ORDER_TIMES
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 
 

@@ -21,7 +21,8 @@ INTERVAL_LEVEL = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """One explanation as it is, undisturbed: its weight, readings (n, q), in a closed loop (n,) orders."""
+    """One explanation as it is, undisturbed: its weight, readings (n, q), in a closed loop (n,) orders as in
+    `Prediction.orders`."""
 
     weight: float
     readings: Array
@@ -39,7 +40,8 @@ class Prediction:
     channels : (q,) names
     draws : (k, n, q) readings without white noise [SI]
     commands : name -> (n,) orders; in a closed loop those of the first draw
-    orders : name -> (k, n) orders of every draw in a closed loop, None otherwise
+    orders : name -> (k, n) orders of every draw in a closed loop, and under `ORDER_TIMES` since when each is
+        given [s]; None otherwise
     lead : length of the lead-in whose readings were used [s], 0 for a manoeuvre
     lost : draws that diverged
     noise : (q,) white noise of the sensors, nan where none is known

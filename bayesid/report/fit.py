@@ -146,7 +146,7 @@ def next_steps(
         out.append(
             f"Residuals are several times the noise: `bayesid diagnose {places.fitted}` asks for the cause."
         )
-    why_not = no_model if found.fit.converged else "its search did not converge"
+    why_not = literal(no_model) if found.fit.converged else "its search did not converge"
     if holdout_words(found.runs):
         why_not = "it predicts held-out runs worse than the vehicle as given"
     if first_screen.unphysical(found):
@@ -259,7 +259,8 @@ def form_words(fit: Fit) -> list[str]:
     told = ", ".join(f"{literal(n)} {rows[n]:+.1e}" for n in first)
     return [
         "These runs ask for a force the equations of this vehicle lack: every row of the table its symmetry "
-        f"allows is free about zero with {fit.uncertainty['form']['size']:.0e} of 1/2 rho L^2 U^2. Largest "
+        "allows, but for planes that stay at zero, is free about zero with "
+        f"{fit.uncertainty['form']['size']:.0e} of 1/2 rho L^2 U^2. Largest "
         f"at v' = 0.2, r' = 0.3, 0.25 rad of rudder: {told}."
     ]
 

@@ -18,30 +18,36 @@ def held_words(found: TrialFit) -> list[str]:
     if not told:
         return []
     moves = [_move(found, name, *one) for name, one in told["moves"].items()]
-    named = first_few(moves, MOST_NAMED) if moves else "none of them for sure by itself"
+    change = (
+        f"They would change, with one sd, by {first_few(moves, MOST_NAMED)}."
+        if moves
+        else "No single one would change by more than two sd."
+    )
     return [
-        "These runs ask for coefficients that this fit holds as given (log evidence "
-        f"+{digits(told['evidence'], 2)}): {named}. Those that are free stand in for them: their values and "
-        "intervals hold only as far as those held are right."
+        "Coefficients that this fit holds as given explain errors of these runs when they are free within "
+        f"what is known of them (log evidence +{digits(told['evidence'], 2)}). {change} The free "
+        "coefficients make up for them: their values and intervals hold only if those held are right."
     ]
 
 
 def freeing_words(found: TrialFit) -> list[str]:
-    """What to type where `held_words` says something."""
+    """What to type where `held_words` says something: the shorter of what to free and what to hold."""
     told = found.fit.uncertainty.get("held")
     if not told:
         return []
-    if not told["moves"]:
-        return ["Free more coefficients: without `--free` the fit frees all."]
+    every = "Without `--free` and `--fix` the fit frees all."
     free = [n for n in found.problem.params.names if n in found.model.coefficients]
-    return [
-        "Free also what these runs move, or all (without `--free`, `--fix`): `--free "
-        f"'{','.join([*free, *told['moves']])}'`."
-    ]
+    wanted = [*free, *told["moves"]]
+    held = [n for n in found.model.coefficients if n not in wanted]
+    if not told["moves"] or not held:
+        return [f"Free more coefficients. {every}"]
+    if len(held) < len(wanted):
+        return [f"Hold fewer coefficients: `--fix '{','.join(held)}'`. {every}"]
+    return [f"Free these as well: `--free '{','.join(wanted)}'`. {every}"]
 
 
 def _move(found: TrialFit, name: str, change: float, sd: float) -> str:
-    value = float(found.model.nominal[found.model.index[name]])
+    value = float(found.problem.base[found.model.index[name]])
     if not value:
-        return f"{name} from 0 to {digits(change, 3)} ± {digits(sd, 2)}"
+        return f"{name} {digits(change, 3)} ± {digits(sd, 2)}"
     return f"{name} {percent(change / value, sd / abs(value))}"

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from bayesid.equations.model import Model
+from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.simulation.prepare import (
     NO_TRACE,
@@ -30,7 +31,6 @@ from bayesid.simulation.single import Track, simulate
 from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, TimePlan, plan_run
 
 Array = np.ndarray
-ORDER_TIMES = "orders_t"  # name among commands: since when those of a sample are given [s]
 DUE_WITHIN = 1e-9  # how nearly an order is given when it is due, over the interval
 
 
@@ -108,7 +108,10 @@ def _due(beyond: Callable[[float], float], begin: float, end: float) -> float:
     hair = DUE_WITHIN * (end - begin)
     if beyond(begin + hair) >= 0.0:
         return end
-    due = float(brentq(beyond, begin + hair, end, xtol=hair)) + 2.0 * hair
+    try:
+        due = float(brentq(beyond, begin + hair, end, xtol=hair)) + 2.0 * hair
+    except (ValueError, RuntimeError):  # a vehicle on its way out of all bounds; the run tells
+        return end
     return due if due < end - hair and beyond(due) >= 0.0 else end
 
 

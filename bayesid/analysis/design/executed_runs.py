@@ -110,7 +110,7 @@ def learned_by_fit(
     known = knowledge(model, fitted)
     size = float(told.get("form", {}).get("size", 0.0))
     if size:
-        known = with_form(known, model, size)
+        known = with_form(known, model, size, told["form"].get("rows"))
     base = base.copy()
     stay = [n for n in earlier.values if n in model.index]
     base[model.positions(stay)] = [earlier.values[n] for n in stay]
@@ -151,9 +151,10 @@ def learned_by_fit(
     )
 
 
-def with_form(known: Knowledge, model: Model, size: float) -> Knowledge:
-    """The knowledge with the rows of a model form of this size beside it, normal about zero."""
-    rows = tuple(n for n in form_rows(model) if n not in known.names)
+def with_form(known: Knowledge, model: Model, size: float, rows: Iterable[str] | None = None) -> Knowledge:
+    """The knowledge with the rows of a model form of this size beside it, normal about zero; by default all,
+    for runs to come may move what stood still."""
+    rows = tuple(n for n in (form_rows(model) if rows is None else rows) if n not in known.names)
     sd = [size * abs(typical(model, n)) for n in rows]
     return Knowledge(
         (*known.names, *rows),

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.equations.model import Model
 from bayesid.estimation.output_error.problem import FitProblem
-from bayesid.estimation.parameters import DEFAULT_RELATIVE_SD, joint_prior
-from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
+from bayesid.estimation.parameters import DEFAULT_RELATIVE_SD, joint_prior, unit_size
+from bayesid.model.params import Parameter, ParameterSet, Prior
 
 SURE = 2.0  # sd from which a coefficient has moved
 OFF = 1e-9  # prior sd of one that stays as given, over its own: held, in the same unknowns
@@ -40,15 +39,17 @@ class HeldCheck:
 
 def held_coefficients(problem: FitProblem) -> dict[str, float]:
     """Coefficients of the vehicle that a problem neither frees nor ties, and the sd of their prior [SI]: that
-    of the vehicle file, else `DEFAULT_RELATIVE_SD` of the value. One told to be exact stays."""
+    of the vehicle file, else `DEFAULT_RELATIVE_SD` of the value, of one that is zero the unit of its row. One
+    told to be exact stays."""
     model, given = problem.model, {p.name for p in problem.params if p.role != "fixed"}
     found = {}
     for name in model.coefficients:
         if name in given:
             continue
         sd = model.prior_sd(name)
-        if math.isnan(sd):
-            sd = DEFAULT_RELATIVE_SD * abs(_value(problem, name))
+        value = abs(_value(problem, name))
+        if math.isnan(sd) or (sd == 0 and value == 0):  # a share of nothing says nothing
+            sd = DEFAULT_RELATIVE_SD * value or unit_size(model, name)
         if 0 < sd < math.inf:
             found[name] = float(sd)
     return found
@@ -69,15 +70,11 @@ def with_held(problem: FitProblem, on: bool = True) -> FitProblem:
     ]  # fmt: skip
     kept = tuple(p for p in problem.params if p.name not in held)
     joint = problem.params.joint
-    if on and (together := _together(problem.model, joint, held)) is not None:
+    known = (*(joint.names if joint is not None else ()), *held)
+    if on and (together := joint_prior(problem.model, known)) is not None:
         joint = together
         added = [Parameter(**{**vars(p), "prior": None}) if p.name in joint.names else p for p in added]
     return problem.with_params(ParameterSet((*kept, *added), joint))
-
-
-def _together(model: Model, joint: JointPrior | None, held: Mapping[str, float]) -> JointPrior | None:
-    """Joint prior of the free and the held coefficients of a file that knows them together."""
-    return None if joint is None else joint_prior(model, (*joint.names, *held))
 
 
 def _value(problem: FitProblem, name: str) -> float:

@@ -11,7 +11,7 @@ rad (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014: a discrepancy ne
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,14 +92,16 @@ def typical(model: Model, name: str) -> float:
     return float(unit / motion)
 
 
-def with_form(problem: FitProblem, size: float) -> FitProblem:
-    """The problem with the rows of its form free, each normal about zero with this size; none of a fin that
-    stays at zero in all runs."""
+def with_form(problem: FitProblem, size: float, rows: Iterable[str] | None = None) -> FitProblem:
+    """The problem with the rows of its form free, each normal about zero with this size: those given, as of
+    an earlier fit, else all but those of fins that stay at zero in all runs."""
     given = {p.name for p in problem.params}  # free, kept or tied
-    idle = idle_fins(problem)
+    if rows is None:
+        idle = idle_fins(problem)
+        rows = (n for n in form_rows(problem.model) if not idle & {f.symbol for f in term(n).factors})
     entries = []
-    for name in form_rows(problem.model):
-        if name not in given and not idle & {f.symbol for f in term(name).factors}:
+    for name in rows:
+        if name not in given:
             unit = typical(problem.model, name)
             entries.append(
                 Parameter(
@@ -155,6 +157,8 @@ def asked_beyond(problem: FitProblem, z: Array, parts: NoiseParts) -> Asked:
     A form is what is lacking beside all coefficients, those that the fit holds free within what was known of
     them: a vehicle whose sheet is off by 20 % asked for a form of 75 rows as soon as six of its coefficients
     alone were free.
+
+    Asked are runs of at least `LEAST_RUNS`; of fewer, neither is told.
     """
     k = len(problem.params.names)
     held = held_coefficients(problem)

@@ -32,7 +32,7 @@ from bayesid.words import first_few
 Array = np.ndarray
 # Log evidence a part must earn before it is used.
 PART_EVIDENCE = 3.0
-# Probability of a difference between halves below which the run-to-run spread is raised.
+# Probability of a difference between halves below which excess or run-to-run spread is raised.
 WIDEN_P = 0.1
 EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
 RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
@@ -318,7 +318,8 @@ def asked_for(composite: Composite, order: int) -> NoiseParts:
 def widened(
     composite: Composite, parts: NoiseParts, prior_sd: Array, seed: int
 ) -> tuple[NoiseParts, HalvesCheck]:
-    """The likeliest of wider parts with which halves of the runs agree; the widest if none does.
+    """The likeliest of wider parts with which halves of the runs agree; the widest if none of the
+    `TRIED_WIDER` likeliest does.
 
     By evidence, not by size: coefficients that differ from run to run are in units of their prior or of
     themselves. Three runs against three of an AUV without priors differed by what one campaign in thirty does
@@ -329,7 +330,7 @@ def widened(
         replace(parts, excess=parts.excess * f, run_spread=s)
         for f in WIDER
         for s in RUN_SPREAD
-        if s >= parts.run_spread
+        if s >= parts.run_spread and (f, s) != (1.0, parts.run_spread)
     ]
     widest = more[-1]
     more.sort(key=lambda one: -composite.log_evidence(one))
