@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesid.equations.model import build_model
-from bayesid.estimation.filter_error.read_run import _straight
+from bayesid.estimation.filter_error.read_run import _bent
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run
 
@@ -21,7 +21,7 @@ def counts(heading, duration=60.0, rudder=0.0, planes=0.0, rpm=1.0, samples=241)
         return value(share) if callable(value) else np.full(samples, float(value))
 
     inputs = {"delta_r_cmd": of(rudder), "delta_s_cmd": of(planes), "n_cmd": RPM * of(rpm)}
-    return _straight(MODEL, plan_run(MODEL, t, inputs), of(heading))
+    return not _bent(MODEL, plan_run(MODEL, t, inputs), of(heading))
 
 
 def wave(size, cycles=5):
