@@ -77,11 +77,12 @@ def test_identify_takes_the_rows_of_a_fit_with_their_prior_and_values(tmp_path, 
     first = fit(problem, FitOptions(profile=False, rounds=1, iterations=1))
     wide, size = with_form(problem, 3e-4), 3e-4
     row = next(n for n in wide.params.names if n not in problem.params.names)
+    rows = [n for n in wide.params.names if n not in problem.params.names]
     k, value = first.n_params, 2 * wide.params[row].prior.spread
     names = (*first.names[:k], row)
     replace(
         first, names=names, n_params=k + 1, z=np.append(first.z[:k], value),
-        uncertainty={"form": {"size": size, "rows": {row: 2 * size}}},
+        uncertainty={"form": {"size": size, "rows": dict.fromkeys(rows, 0.0) | {row: 2 * size}}},
     ).save(tmp_path / "fit.json")  # fmt: skip
     seen = []
 
