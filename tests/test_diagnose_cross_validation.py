@@ -233,7 +233,7 @@ def test_what_a_signal_keeps_is_read_where_it_gained_most():
     before = {("N", 0.1, 1.0): 80.0, ("N", 0.01, 1.0): 20.0}
     after = where({("N", 0.1, 1.0): -7.0, ("N", 0.01, 1.0): 4.0})
     assert where(before).kept(after) == -7.0
-    assert where(before, periodic=90.0).kept(after) == np.inf  # a rhythm was better: not tried again
+    assert where(before, periodic=90.0).kept(after) == np.inf  # a period was better: not tried again
     elsewhere = {("N", 0.1, 1.0): 60.0, ("Y", 0.1, 1.0): 80.0}
     assert where(elsewhere, periodic=90.0).kept(where(dict.fromkeys(elsewhere, -40.0))) == np.inf
 

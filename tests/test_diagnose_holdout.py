@@ -20,7 +20,7 @@ from bayesid.trials import window
 
 @lru_cache
 def case(gap, known=0.005):
-    """Ladder of a trial whose turn is held out, with a current as the explanation offered.
+    """Errors by horizon of a trial whose turn is held out, with a current as the explanation offered.
 
     known : relative sd of the coefficients; one short run cannot teach many of them
     """

@@ -400,8 +400,8 @@ def test_held_out_pieces_know_how_long_their_run_has_gone_on():
         "with effect": model.with_values(planted),
     }
     found = validate_holdout(problem, trial, models, problem.environment.noise_model, 0)
-    for rung in found.horizons:
-        assert rung.excess["with effect"] < 0.3 < rung.excess["nominal"], rung.horizon
+    for horizon in found.horizons:
+        assert horizon.excess["with effect"] < 0.3 < horizon.excess["nominal"], horizon.horizon
     assert not found.worse
 
 

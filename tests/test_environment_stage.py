@@ -45,7 +45,7 @@ def test_beside_its_cause_the_environment_is_quieter_than_the_gap_made_it():
 
 
 def test_what_straight_runs_measured_may_come_out_quieter_beside_the_cause_but_not_louder():
-    """A sea stated ten times too loud is found again by the manoeuvres; a gap is no sea."""
+    """Process noise stated ten times too large is found again by the manoeuvres; a gap is no sea."""
     model = model_of("generic_sub")
     lag = {"actuator_lag.tau": 0.75 * model.scales["L"] / model.scales["U"]}
     trial = planted_trial(model, other_vehicle(model, 3) | lag, 3, samples=160)

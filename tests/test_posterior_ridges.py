@@ -60,7 +60,7 @@ def test_a_prior_that_ties_coefficients_is_not_taken_for_knowledge_of_the_runs()
 
 
 def test_coefficients_tied_across_families_are_a_group_of_their_own():
-    """Two strangers of correlation 0.99: known by their difference only."""
+    """Two coefficients of correlation 0.99: known by their difference only."""
     rows = np.array([[1.0, 0.0, 0.0, -1.0]])
     draws, _ = posterior_of(rows / np.sqrt(2), 0.05)
     found = ridges(NAMES, draws, np.diag(PRIOR_SD**2))

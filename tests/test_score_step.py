@@ -30,7 +30,7 @@ STATED = FitOptions(profile=False)
 def coloured_runs(rng, prior_sd=1.0, count=6, k=4):
     """Composite of linear runs whose scores are loud in some directions only, and the truth."""
     truth = prior_sd * rng.standard_normal(k)
-    loudness = np.geomspace(1.0, 30.0, k)
+    noise_scale = np.geomspace(1.0, 30.0, k)
     runs = []
     for i in range(count):
         x = rng.standard_normal((40, k))
@@ -39,8 +39,8 @@ def coloured_runs(rng, prior_sd=1.0, count=6, k=4):
             RunScore(
                 f"r{i}",
                 h,
-                h * np.outer(loudness, loudness),
-                h @ truth + loudness * (x.T @ rng.standard_normal(40)),
+                h * np.outer(noise_scale, noise_scale),
+                h @ truth + noise_scale * (x.T @ rng.standard_normal(40)),
             )
         )
     return Composite(tuple(runs), np.eye(k) / prior_sd**2, np.zeros(k), np.full(k, prior_sd)), truth

@@ -223,7 +223,7 @@ def test_a_mistake_whose_mend_no_equations_can_weigh_does_not_change_the_order_o
 def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
     monkeypatch, source, again, evidence
 ) -> None:
-    """A sea that straight runs told too loud costs a mended simulator 40 nats."""
+    """Process noise that straight runs overestimate costs a mended simulator 40 nats."""
 
     @dataclass(frozen=True)
     class Problem:

@@ -1,4 +1,4 @@
-"""What is not weather is found in straight runs and left out of the environment measured there."""
+"""What is not disturbance is found in straight runs and left out of the environment measured there."""
 
 from functools import lru_cache
 
@@ -28,7 +28,7 @@ SPACING, SAMPLES, QUIET = 0.5, 320, 3e-5
 BEAT = 1.7 / LENGTH
 
 
-def weather(rng, lasting):
+def disturbance(rng, lasting):
     """(n-1, 3) forces of `QUIET` rms that last `lasting` L/U."""
     keep = np.exp(-SPACING / (lasting * LENGTH))
     drive = np.sqrt(1.0 - keep**2) * rng.standard_normal((SAMPLES - 1, 3))
@@ -40,7 +40,7 @@ def straight(kind, seed):
     rng = np.random.default_rng(seed)
     t = SPACING * np.arange(SAMPLES)
     commands = {"n_cmd": np.full(SAMPLES, MODEL.vehicle.rpm_ref), "delta_r_cmd": np.zeros(SAMPLES)}
-    force = weather(rng, 1.0)
+    force = disturbance(rng, 1.0)
     middle = 0.5 * (t[1:] + t[:-1])
     if kind == "beat":
         force[:, 1] += 1e-3 * force_unit(MODEL)[1] * np.sin(BEAT * middle + rng.uniform(0, 2 * np.pi))
@@ -61,7 +61,7 @@ def measured(kind):
 
 
 def test_process_noise_alone_has_nothing_set_apart():
-    environment, apart = measured("weather")
+    environment, apart = measured("disturbance")
     assert not apart.any
     level = np.array(environment.noise_model.force) / force_unit(MODEL)
     assert np.all(level < 2.5 * QUIET) and np.all(level > QUIET / 4)
@@ -93,7 +93,7 @@ def test_unknowns_integrated_out_leave_the_evidence_as_it_was():
 
 
 def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
-    log = straight("weather", 1)
+    log = straight("disturbance", 1)
     path = linearise(
         MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
     )
@@ -107,7 +107,7 @@ def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
 
 
 def test_ordinates_of_white_noise_have_the_mean_and_spread_of_their_gamma():
-    log = straight("weather", 1)
+    log = straight("disturbance", 1)
     path = linearise(
         MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
     )
@@ -120,7 +120,7 @@ def test_ordinates_of_white_noise_have_the_mean_and_spread_of_their_gamma():
 
 
 def test_a_swing_moves_each_interval_as_the_force_itself_does():
-    log = straight("weather", 1)
+    log = straight("disturbance", 1)
     names = latent_inputs(MODEL)[:3]
     still = Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3)))
     bare = linearise(MODEL, log, still, np.zeros(0, int))
@@ -151,7 +151,7 @@ def test_a_held_rudder_is_no_straight_run_and_what_logs_no_course_is_none_either
 
 
 def test_frequencies_taken_a_few_at_a_time_give_the_same_spectrum(monkeypatch):
-    log = straight("weather", 1)
+    log = straight("disturbance", 1)
     path = linearise(
         MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
     )

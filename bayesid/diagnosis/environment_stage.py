@@ -3,7 +3,7 @@
 Takes `Compared`. Gives `Compared`. Does not decide.
 
 Without a straight run the environment is estimated from the manoeuvres under the vehicle as given, and a gap
-passes for process noise: it came out up to ten times too loud. Here it has the most marginal likelihood
+passes for process noise: it came out up to ten times too large. Here it has the most marginal likelihood
 beside the best explanation, coefficients, effects and form integrated out. Each hypothesis with an
 environment of its own would lag by up to 30 % less; the order stayed, but between coefficients further off
 than stated and a cause: a noise made by the gap suits the former, which bend towards anything. A rudder late

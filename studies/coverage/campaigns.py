@@ -128,14 +128,14 @@ def campaign(
     truth: Array,
     rng: np.random.Generator,
     real: Setting | None = None,
-    loudness: float = 1.0,
+    noise_scale: float = 1.0,
 ) -> Trial:
     """The runs of a vehicle with these coefficients.
 
     Parameters
     ----------
     real : `with_rows` of the condition, where it has any; made here otherwise
-    loudness : of the sensor noise, 0 for readings without any
+    noise_scale : of the sensor noise, 0 for readings without any
     """
     true = real or with_rows(s, condition.rows)
     base = true.model.with_values(condition.effect)
@@ -154,7 +154,7 @@ def campaign(
         track = simulate(true.model, par, plan, steady_start(true.model), full=True)
         data = {
             c: track.states[:, true.model.states.index(c)]
-            + loudness * sigma * remembering(rng, plan.t.size, condition.memory)
+            + noise_scale * sigma * remembering(rng, plan.t.size, condition.memory)
             for c, sigma in s.noise.items()
         }
         runs.append(Run(run.name, run.manoeuvre, "identify", run.t, data, run.commands))

@@ -53,7 +53,7 @@ def projected_truth(
         for p in fitted.params.entries
     )
     try:
-        clean = campaign(s, condition, truth, np.random.default_rng(0), real, loudness=0.0)
+        clean = campaign(s, condition, truth, np.random.default_rng(0), real, noise_scale=0.0)
         problem = problem_of(s, clean, condition.piece).with_params(ParameterSet(entries))
         faint = {c: FAINT * sigma for c, sigma in s.noise.items()}
         found = fit(problem.with_sigma(faint), FitOptions(profile=False, starts=1))

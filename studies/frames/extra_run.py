@@ -33,7 +33,7 @@ EFFECTS = (
     "gyro_scale",
     "actuator_rate_limit",
 )
-# A still sea, which the bundle states: one run does not tell weather from a gap, and what is asked here is
+# A still sea, which the bundle states: one run does not tell process noise from a gap, and what is asked is
 # which gap. Coefficients are known to ten percent.
 SEA, PRIOR = "still", 0.10
 LEAST_NONCENTRALITY = 30.0  # least noncentrality to aim at

@@ -66,7 +66,7 @@ def harmless(fin_rate: float = math.inf) -> tuple[Planted, ...]:
     )
 
 
-def strangers(vehicle: str) -> tuple[Planted, ...]:
+def unlisted_effects(vehicle: str) -> tuple[Planted, ...]:
     """A right log with the file of another vehicle."""
     return tuple(
         Planted(f"file of another vehicle ({k + 1})", _same, ("wrong vehicle",), of=other)

@@ -36,7 +36,7 @@ from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.mistakes import SIMULATOR, InputCheck
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from studies.log_mistakes.campaigns import FULL, POSE, PRIOR_SD, VEHICLES, campaign, with_channels
-from studies.log_mistakes.harmless import harmless, strangers
+from studies.log_mistakes.harmless import harmless, unlisted_effects
 from studies.log_mistakes.plant import Planted, controls, logged, planted
 from studies.log_mistakes.seen import can_be_seen, differ
 
@@ -209,7 +209,7 @@ def rows_of(name: str, model: Model) -> tuple[Planted, ...]:
     """Everything that is planted into a log of a vehicle."""
     travel, rate = model.scales["L"] / model.scales["U"], model.vehicle.rates["delta_r"]
     return (
-        *controls(travel, rate), *harmless(rate), *planted(travel), *strangers(name)
+        *controls(travel, rate), *harmless(rate), *planted(travel), *unlisted_effects(name)
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ SETTINGS = {
         1.0, 60.0, 0.7, True,
         "Rudder and propeller are commands, not measurements. Wind (0.7 to 2.4 m/s at 0.1 to 0.5 m/s of ship "
         "speed) was given for the October runs only; in the others it is in the residuals, and so in the "
-        "standard deviations, which are errors of model and weather more than of sensors.",
+        "standard deviations, which are errors of model and disturbance more than of sensors.",
     ),
 }  # fmt: skip
 

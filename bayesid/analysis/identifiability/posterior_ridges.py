@@ -1,6 +1,6 @@
 """Which combinations of coefficients a sampled posterior fixes and which it leaves open, from its draws.
 
-Takes draws and the covariance of the prior, optionally that of the Laplace approximation as a second witness.
+Takes draws and the covariance of the prior, optionally that of the Laplace approximation beside it.
 Gives `Ridges`: eigenvectors of the posterior covariance in units of the prior, over all coefficients and over
 groups that stand in for each other. Does not sample, judge convergence or choose sentences.
 """

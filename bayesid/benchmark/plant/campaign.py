@@ -80,7 +80,7 @@ class Campaign:
         return stream_of(self.seed, self.attempt, stream, *more)
 
 
-STREAMS = ("design", "effects", "coefficients", "runs", "weather", "sensors", "process", "noise")
+STREAMS = ("design", "effects", "coefficients", "runs", "sea", "sensors", "process", "noise")
 
 
 def stream_of(seed: int, attempt: int, stream: str, *more: int) -> np.random.Generator:

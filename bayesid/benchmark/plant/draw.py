@@ -137,7 +137,7 @@ def _draw(
     normal = stream_of(seed, attempt, "coefficients").standard_normal(len(boat.coef))
     coef = {key: value * (1.0 + sd * z) for (key, value), z in zip(boat.coef.items(), normal, strict=True)}
     coef |= {key: boat.coef[key] * (1.0 + sd * z) for key, z in wrong.items()}
-    disturbance = _disturbance(stream_of(seed, attempt, "weather"), sea or drawn["sea"], scales)
+    disturbance = _disturbance(stream_of(seed, attempt, "sea"), sea or drawn["sea"], scales)
     depth = 0.0 if dof == 3 else (0.3 if any("suck_z" in p.fields for p in planted) else 2.5) * boat.L
     rich = drawn["rich"] if rich is None else rich
     runs = plan_runs(

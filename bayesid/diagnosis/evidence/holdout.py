@@ -80,7 +80,7 @@ class HorizonError:
 
 @dataclass(frozen=True, eq=False)
 class HoldoutValidation:
-    """Ladder over all horizons; empty without held-out runs. `measures` of their full replays."""
+    """Errors over all horizons; empty without held-out runs. `measures` of their full replays."""
 
     horizons: tuple[HorizonError, ...]
     runs: tuple[str, ...]

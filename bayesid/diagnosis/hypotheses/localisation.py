@@ -41,7 +41,7 @@ class LocatedSignal:
 
     Attributes
     ----------
-    amplitude, tau : of the best signal without a rhythm, over its unit, and [s]
+    amplitude, tau : of the best signal without a period, over its unit, and [s]
     average : over all amplitudes and times
     period : [s] where a periodic signal gains most, else None
     """
@@ -76,7 +76,7 @@ class Localisation:
         or frequency
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
-    gains : (channel, amplitude, time [s]) -> evidence of every force or input tried that has no rhythm
+    gains : (channel, amplitude, time [s]) -> evidence of every force or input tried that has no period
     stretch : of one run, to which the signal of the winning channel can be confined; None where it acts in
         several
     """
@@ -94,7 +94,7 @@ class Localisation:
 
     def kept(self, after: Localisation) -> float:
         """What the best force or input found here still gains in what an explanation leaves; inf if it has a
-        rhythm."""
+        period."""
         if not self.gains or not after.gains:
             return np.inf
         best = max(self.gains, key=lambda k: self.gains[k])

@@ -155,7 +155,7 @@ def asked_beyond(problem: FitProblem, z: Array, parts: NoiseParts) -> Asked:
     third of the campaigns, and the intervals were too narrow.
 
     A form is what is lacking beside all coefficients, those that the fit holds free within what was known of
-    them: a vehicle whose sheet is off by 20 % asked for a form of 75 rows as soon as six of its coefficients
+    them: a vehicle whose file is off by 20 % asked for a form of 75 rows as soon as six of its coefficients
     alone were free.
 
     Asked are runs of at least `LEAST_RUNS`; of fewer, neither is told.

@@ -43,8 +43,8 @@ def finish(
     """
     scale = problem.scale
     low, high = problem.low - INSIDE * scale, problem.high + INSIDE * scale
-    best, lowest = np.array(z), problem.cost(z)
-    begun, count = lowest, 0
+    best, least = np.array(z), problem.cost(z)
+    begun, count = least, 0
     kept: tuple[bytes, Array, Array] | None = None
 
     def compressed(x: Array) -> tuple[Array, Array]:
@@ -54,22 +54,22 @@ def finish(
         return kept[1], kept[2]
 
     def residuals(x: Array) -> Array:
-        nonlocal best, lowest, begun, count
+        nonlocal best, least, begun, count
         count += 1
         try:
             resid, jac = compressed(x)
         except ModelError:
             return np.full(size, DIVERGED)
         cost = 0.5 * float(resid @ resid)
-        if cost < lowest:
+        if cost < least:
             step = float(np.linalg.norm((x - best) / scale))
-            best, lowest = np.clip(x, problem.low, problem.high), cost
+            best, least = np.clip(x, problem.low, problem.high), cost
             after(best, cost, step)
         if count % LOOK == 0:
             promise = _promise(resid, jac)
-            if promise < limit or begun - lowest < LEAST_SHARE * promise:
+            if promise < limit or begun - least < LEAST_SHARE * promise:
                 raise _Enough
-            begun = lowest
+            begun = least
         return resid
 
     try:
