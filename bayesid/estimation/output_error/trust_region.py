@@ -17,16 +17,13 @@ from scipy.optimize import least_squares
 
 from bayesid.errors import ModelError
 from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.slsqp import Enough
 
 Array = np.ndarray
 LOOK = 25  # evaluations between looks at what they gain
 LEAST_SHARE = 0.05  # of what a step promises, that `LOOK` evaluations must gain
 DIVERGED = 1e8  # residual of a vehicle that diverges
 INSIDE = 1e-9  # distance kept from a bound, over the scale
-
-
-class _Enough(Exception):
-    """Further steps gain too little, or nothing is left to gain."""
 
 
 def finish(
@@ -68,7 +65,7 @@ def finish(
         if count % LOOK == 0:
             promise = _promise(resid, jac)
             if promise < limit or begun - least < LEAST_SHARE * promise:
-                raise _Enough
+                raise Enough("little is left to gain")
             begun = least
         return resid
 
@@ -78,7 +75,7 @@ def finish(
             residuals, best, lambda x: compressed(x)[1], (low, high), x_scale="jac", max_nfev=most,
             ftol=1e-10, xtol=1e-12, gtol=None,
         )  # fmt: skip
-    except (_Enough, ModelError, np.linalg.LinAlgError):
+    except (Enough, ModelError, np.linalg.LinAlgError):
         pass
     return best, problem.cost(best)
 
