@@ -83,13 +83,13 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
     v = decide(problem, comparison)
     if expected["word"] == "coefficients" and re_tuned <= 1 - NAMING_PROBABILITY and not found["widens"]:
         # that code also said so of coefficients that hardly explain anything
-        assert v.word == "ambiguous" and list(v.set95) == expected["set95"] and not v.hidden
+        assert v.word == "ambiguous" and list(v.set95) == expected["set95"] and not v.confounded
         return
     assert v.word == expected["word"]
     for names in ("effects", "set95"):
         assert list(getattr(v, names)) == expected[names], names
-    # that code also listed as hidden what it named
-    assert list(v.hidden) == [n for n in expected["hidden"] if n not in expected["effects"]]
+    # that code also listed as confounded what it named
+    assert list(v.confounded) == [n for n in expected["hidden"] if n not in expected["effects"]]
     assert list(v.reasons[:-1]) == expected["reasons"] and v.reasons[-1].startswith("decided by: ")
 
 
@@ -143,7 +143,7 @@ def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monke
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
     named = facts.grounds_of(problem, comparison).named
-    assert named.hidden == ("a", "b", "c", "d") and named.along == ("a", "b")
+    assert named.confounded == ("a", "b", "c", "d") and named.along == ("a", "b")
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ CASES = [
         "sure": (1, "several, one sure"), "effects": (1, "effect")}),
     ("several, one sure", replace(PAIR, sure=1, none_in_set=True), {
         "sure": (0, "several, none sure"), "effects": (1, "none not excluded")}),
-    ("hidden by coefficients", replace(
+    ("confounded with coefficients", replace(
         PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9, acts=NAMING_PROBABILITY - TINY,
     ), {
         "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none"),
@@ -129,7 +129,7 @@ def test_every_rule_has_a_case_and_a_name_of_its_own():
 
 
 NAMES = Named(
-    best=("a", "b"), sure=("b",), hidden=("c", "d"), along=("d",),
+    best=("a", "b"), sure=("b",), confounded=("c", "d"), along=("d",),
     set95=("outside", "a", "none", "b"), undetectable=(),
 )  # fmt: skip
 SAID = {
@@ -148,7 +148,7 @@ SAID = {
     "several sure": ("several", ("b",), ("c", "d")),
     "several, none sure": ("ambiguous", ("a", "b"), ("c", "d")),
     "several, one sure": ("effect_with_remainder", ("b",), ("c", "d")),
-    "hidden by coefficients": ("coefficients", (), ("d",)),
+    "confounded with coefficients": ("coefficients", (), ("d",)),
     "probably none": ("none", (), ()),
     "none not excluded": ("ambiguous", ("a", "b"), ()),
     "unsure effect": ("ambiguous", ("a", "b"), ()),
@@ -164,15 +164,17 @@ SAID = {
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
 def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     """Agreed with the format: a naming word names, none and outside name nothing, "none" is in its set."""
-    effects, hidden, set95 = names_of(rule, NAMES)
-    assert (rule.word, effects, hidden) == SAID[rule.name]
+    effects, confounded, set95 = names_of(rule, NAMES)
+    assert (rule.word, effects, confounded) == SAID[rule.name]
     assert bool(effects) or rule.word not in NAMING
     none = "model_form" if rule.word == "model_form" else "none"
     assert set95 == tuple(none if n == "none" else n for n in NAMES.set95)
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
     silent = rule.word in ("none", "model_form")
     assert without == ((none, "outside") if silent else ("outside",))
-    assert not set(names_of(rule, replace(NAMES, hidden=("a", "b", "c"), along=("a", "c")))[1]) & set(effects)
+    assert not set(names_of(rule, replace(NAMES, confounded=("a", "b", "c"), along=("a", "c")))[1]) & set(
+        effects
+    )
     beside = names_of(rule, replace(NAMES, form=True))[2]
     assert beside == ("outside", "a", "model_form", "b")  # nothing but the form
 

@@ -10,7 +10,7 @@ than stated and a cause: a noise made by the gap suits the former, which bend to
 by 0.13 s, 105 nats behind every coefficient ten times further off, was 221 nats ahead in a noise of its own.
 
 Straight runs tell a sea from a drift of the positions badly where no speed is logged, and hardly any moment:
-of 223 sealed campaigns in a sea 33 took an axis for more than three times as loud as it was. Where manoeuvres
+of 223 sealed campaigns in a sea 33 took an axis for more than three times too large. Where manoeuvres
 contradict a measured force (it is below 95 % of what was held possible), it is made quieter, never louder:
 what manoeuvres have beyond the sea of straight runs is a gap.
 """

@@ -140,7 +140,7 @@ def result_of(
         together=float(min(several_act(c.sets, like), 1.0)),
         set95=verdict.set95,
         unseen=undetectable(c),
-        hidden_by_coefficients=verdict.hidden,
+        hidden_by_coefficients=verdict.confounded,
         reasons=verdict.reasons,
         rule=verdict.rule,
         unnamed=dict(verdict.unnamed),

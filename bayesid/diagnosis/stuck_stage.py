@@ -3,7 +3,7 @@
 Takes `Compared`. Gives `Compared`, with events of kind "stuck" where they are needed. Does not decide what
 they mean.
 
-An actuator that sticks for long in many runs is hidden from any free signal: coefficients, a form and the
+An actuator that sticks for long in many runs does not show in any free signal: coefficients, a form and the
 environment bend to it: of five simulated rudders that jam for 5 to 57 % of every run they left 0 to 31
 nats. The times linear theory finds beside them were right all the same. Whether it stuck is decided by what
 all hypotheses, refitted with the orders held, explain better than before.

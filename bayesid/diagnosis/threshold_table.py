@@ -53,8 +53,8 @@ SURE_PROBABILITY = Limit(
 )  # fmt: skip
 CONFOUNDED_SHARE = Limit(
     "CONFOUNDED_SHARE", 0.98, "1",
-    "Share of an effect's trace that coefficients within their prior absorb, from which it is hidden where "
-    "it is not sure.",
+    "Share of an effect's trace that coefficients within their prior absorb, from which it is confounded "
+    "with them where it is not sure.",
     "Chosen. A screw side force 1.8 million nats above re-tuned coefficients was not named by this share "
     "alone; wide priors of the coefficients are hypotheses since.",
 )  # fmt: skip
@@ -87,7 +87,8 @@ PRIOR_CONFLICT = Limit(
 )  # fmt: skip
 LISTED_BESIDE_EVIDENCE = Limit(
     "LISTED_BESIDE_EVIDENCE", 20.0, "nats",
-    "How far behind the best explanation a hidden effect may lie and still be listed beside it.",
+    "How far behind the best explanation an effect confounded with coefficients may lie and still be listed "
+    "beside it.",
     "As LINEARISATION_SCATTER; no campaign isolates it.",
 )  # fmt: skip
 DISAGREEMENT_P_VALUE = Limit(

@@ -1,6 +1,6 @@
 """One section of the report per case: its ratio figure and what the paper says of it, counted.
 
-Takes the plain records of `fit.twin` and the facts of the study. Does not simulate.
+Takes the plain records of `simulated_recovery` and the facts of the study. Does not simulate.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Counts over seeds: coefficients on a bound, errors per axis, strays; and what the ratio figures show.
 
-Takes the plain records of `fit.twin`. Does not simulate, draw or choose words.
+Takes the plain records of `simulated_recovery`. Does not simulate, draw or choose words.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The paper's four explanations of wrong coefficients, each with a number, and its remedy.
 
-Takes the plain records of `fit.twin` and the facts of the study. Does not simulate.
+Takes the plain records of `simulated_recovery` and the facts of the study. Does not simulate.
 """
 
 from __future__ import annotations

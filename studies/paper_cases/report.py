@@ -1,7 +1,7 @@
 """The report of the three cases of Furlong et al. (2003): targets, table 1 beside the paper's, figures,
 words.
 
-Takes the plain records of `fit.twin`, facts of the study, its targets and the statements compared. Does not
+Takes the plain records of `simulated_recovery`, facts of the study, its targets and statements. Does not
 simulate.
 """
 

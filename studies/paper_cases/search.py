@@ -1,6 +1,6 @@
 """The section on the search: time and work of its parts, each by itself, and its iterations.
 
-Takes the plain records of `fit.twin` with their traces. Does not search.
+Takes the plain records of `simulated_recovery` with their traces. Does not search.
 """
 
 from __future__ import annotations

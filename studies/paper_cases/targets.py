@@ -1,7 +1,7 @@
 """The checkable statements about the reproduction of Furlong et al. (2003), each with its number, bar and
 verdict.
 
-Takes the plain records of `fit.twin` and the facts the study collected. Does not simulate or draw.
+Takes the plain records of `simulated_recovery` and the facts the study collected. Does not simulate or draw.
 """
 
 from __future__ import annotations

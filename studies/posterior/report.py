@@ -107,7 +107,8 @@ def _over_truths(cases: Sequence[Mapping[str, Any]]) -> str:
 def _inputs(facts: Mapping[str, Any]) -> Section:
     noise = ", ".join(f"{c} {s:.3g}" for c, s in facts["noise"].items())
     lines = [
-        f"- Twin of `{facts['vehicle']}`; white noise (SI) {noise}, its level unknown and sampled",
+        f"- Simulated recovery on `{facts['vehicle']}`; white noise (SI) {noise}, its level "
+        "unknown and sampled",
         f"- Prior: every unknown coefficient normal about the vehicle file's value, sd "
         f"{100 * facts['prior']:g} %; the truth is drawn from it",
         "- Initial states unknown, integrated out",

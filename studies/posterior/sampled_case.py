@@ -24,7 +24,7 @@ class Sampled:
     posteriors : by sampler; empty where the case was looked at by its Laplace approximation only
     draws : (m, k) of the parameters [SI], of the first posterior or of Laplace
     behaviour : derived quantities of prior and posterior
-    truth : (k,) [SI] of a twin; None for a real log
+    truth : (k,) [SI] of a simulated recovery; None for a real log
     """
 
     key: str
@@ -39,14 +39,14 @@ class Sampled:
 
     @property
     def vehicle(self) -> Array:
-        """(n,) all parameters of the true vehicle of a twin [SI]."""
+        """(n,) all parameters of the true vehicle of a simulated recovery [SI]."""
         model = self.problem.model
         values = self.nominal if self.truth is None else self.truth
         return self.problem.params.place(np.array(model.nominal), model.index, values)
 
     @property
     def nominal(self) -> Array:
-        """(k,) values of the vehicle file, the centre of a twin's prior."""
+        """(k,) values of the vehicle file, the centre of a simulated recovery's prior."""
         return np.asarray(self.problem.model.nominal[self.problem.model.positions(self.seen.names)])
 
 

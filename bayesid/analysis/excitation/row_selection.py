@@ -5,7 +5,7 @@ each other. It is a sparse regression: a column without which another model does
 alone.
 
 A column enters while it lowers the misfit by more than its price and is thresholded by significance
-(coefficient over its standard error), one at a time, so that scaling a column or giving it a twin cannot
+(coefficient over its standard error), one at a time, so that scaling a column or giving it a copy cannot
 decide which is dropped. Thresholding alone, from the whole library down, keeps sums of near-parallel
 columns that cancel: a fifth of the draws of a planted v^3 then kept v^2 r, v r^2 and r^3 in its place. The
 standard error carries the correlation of the rows, from the scatter of whole blocks.

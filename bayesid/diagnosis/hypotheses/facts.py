@@ -144,7 +144,7 @@ class Named:
     best : effects of the best explanation
     sure : those of several that may be named
     unnamed : the others of several, and why
-    hidden : effects the coefficients can absorb
+    confounded : effects the coefficients can absorb
     along : of these the ones about as good as the best
     set95 : credible set
     undetectable : effects these runs could not show
@@ -154,7 +154,7 @@ class Named:
 
     best: tuple[str, ...]
     sure: tuple[str, ...]
-    hidden: tuple[str, ...]
+    confounded: tuple[str, ...]
     along: tuple[str, ...]
     set95: tuple[str, ...]
     undetectable: tuple[str, ...]
@@ -246,7 +246,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     # runs are set against each other where a name is at stake
     asked = not gain < limit.named and not best.widens and not unlisted
     runs = cross_validate(best, none, len(problem.coefficients.names)) if asked else None
-    hidden = tuple(n for n, a in absorbed.items() if a > CONFOUNDED_SHARE)
+    confounded = tuple(n for n, a in absorbed.items() if a > CONFOUNDED_SHARE)
     facts = Facts(
         gain=gain,
         gain_by_chance=limit.named,
@@ -276,9 +276,13 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
     )
-    along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE)
+    along = tuple(
+        n for n in confounded if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE
+    )
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
-    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like, unnamed)
+    names = Named(
+        best.effects, sure, confounded, along, set95, faint, problem.form is not None, like, unnamed
+    )
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 

@@ -71,7 +71,7 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
     if not asked:
         return NOTHING
     noise_model, free = problem.environment.noise_model, fitted.free
-    loud = np.maximum(noise_model.force, FREE_FORCE * force_unit(model))
+    overestimated = np.maximum(noise_model.force, FREE_FORCE * force_unit(model))
     columns = {n: [free.names.index(model.effects[n].key(p.name)) for p in model.effects[n].parameters
                    if model.effects[n].key(p.name) in free.names] for n in asked}  # fmt: skip
 
@@ -83,7 +83,9 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
         return some.log_evidence + log_mass_in_range(model, fitted, some, kept)
 
     try:
-        equations = stacked_equations(model, fitted.paths, free, replace(noise_model, force=tuple(loud)))
+        equations = stacked_equations(
+            model, fitted.paths, free, replace(noise_model, force=tuple(overestimated))
+        )
         total = sum(equations[1:], equations[0])
         whole = evidence(without(()))
         lost = [whole - evidence(without(n)) for n in (asked, *([n] for n in asked))]

@@ -43,7 +43,7 @@ class Rule:
     word : its outcome
     effects : which names the outcome stands on: none, the rivals in the 95 % set, those of several that are
         sure, the best explanation, or the error of a coefficient
-    hidden : which effects the coefficients can absorb are listed with it
+    confounded : which effects the coefficients can absorb are listed with it
     sentence : what it says to a reader
     or_none : whether no effect is in the 95 % set however small its probability
     """
@@ -52,7 +52,7 @@ class Rule:
     condition: Callable[[Facts], bool]
     word: Word
     effects: Literal["nothing", "rivals", "sure", "best", "coefficient"]
-    hidden: Literal["nothing", "all", "along"]
+    confounded: Literal["nothing", "all", "along"]
     sentence: str
     or_none: bool = False
 
@@ -162,7 +162,7 @@ RULES: tuple[Rule, ...] = (
         f"of several effects one acts with at least {NAMING_PROBABILITY:.0%}; what is beside it is open",
     ),
     Rule(
-        "hidden by coefficients",
+        "confounded with coefficients",
         lambda f: f.absorbed > CONFOUNDED_SHARE and f.acts < NAMING_PROBABILITY
         and f.re_tuned > 1 - NAMING_PROBABILITY,
         "coefficients", "nothing", "along",

@@ -32,7 +32,7 @@ class Verdict:
     word : one of `WORDS`
     effects : names the verdict stands on
     set95 : smallest set of hypotheses with 95 % probability
-    hidden : effects the coefficients can absorb, which lie along the fitted coefficient change
+    confounded : effects the coefficients can absorb, which lie along the fitted coefficient change
     reasons : sentences, numbers included
     rule : name of the rule that decided
     unnamed : effects of the best explanation that are not named though others of it may be, and why
@@ -41,7 +41,7 @@ class Verdict:
     word: Word
     effects: tuple[str, ...]
     set95: tuple[str, ...]
-    hidden: tuple[str, ...]
+    confounded: tuple[str, ...]
     reasons: tuple[str, ...]
     rule: str = ""
     unnamed: Mapping[str, Unnamed] = field(default_factory=dict)
@@ -51,9 +51,9 @@ def decide(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Verdi
     """Verdict of a comparison."""
     grounds = grounds_of(problem, candidates)
     rule = deciding(grounds.facts)
-    effects, hidden, set95 = names_of(rule, grounds.named)
+    effects, confounded, set95 = names_of(rule, grounds.named)
     return Verdict(
-        rule.word, effects, set95, hidden, _reasons(grounds, rule), rule.name, grounds.named.unnamed
+        rule.word, effects, set95, confounded, _reasons(grounds, rule), rule.name, grounds.named.unnamed
     )
 
 
@@ -108,7 +108,7 @@ def after_left_out(verdict: Verdict, gain: float, error: float, agreement: float
 
 
 def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Effects a rule names, effects it lists as hidden, and the 95 % set it is said with."""
+    """Effects a rule names, effects it lists as confounded, and the 95 % set it is said with."""
     effects = {
         "nothing": (),
         "rivals": named.rivals,
@@ -116,15 +116,15 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
         "best": named.best[:1],
         "coefficient": (COEFFICIENT_ERROR,),
     }[rule.effects]
-    hidden = {"nothing": (), "all": named.hidden, "along": named.along}[rule.hidden]
-    hidden = tuple(n for n in hidden if n not in effects)  # what is named is not hidden
+    confounded = {"nothing": (), "all": named.confounded, "along": named.along}[rule.confounded]
+    confounded = tuple(n for n in confounded if n not in effects)  # what is named is not confounded
     # what cannot be told from no effect is no effect
     set95 = named.set95
     if rule.or_none and "none" not in set95:
         set95 = ("none", *set95)
     if named.form or rule.word == "model_form":
         set95 = tuple("model_form" if n == "none" else n for n in set95)
-    return effects, hidden, set95
+    return effects, confounded, set95
 
 
 def _reasons(g: Grounds, rule: Rule) -> tuple[str, ...]:

@@ -118,8 +118,8 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
         problem = build_problem(model, seen, seek_outliers=False)
         nothing = _fitted(problem, ())
         if nothing.chi2 > FOLLOWS_DATA_CHI2:
-            loud = identify_noise(model, list(problem.logs), problem.coefficients)
-            problem = problem.with_environment(loud.noise_model)
+            overestimated = identify_noise(model, list(problem.logs), problem.coefficients)
+            problem = problem.with_environment(overestimated.noise_model)
             nothing = _fitted(problem, ())
         if not nothing.converged:  # nothing along its path tells one reading from another
             return WindCheck(asked=True)

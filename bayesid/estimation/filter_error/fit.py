@@ -4,9 +4,9 @@ Takes logs, free parameters with Gaussian priors and an environment. Gives a fro
 estimates, log evidence, paths about the optimum. Does not choose effects or judge.
 
 Each pass linearises about the current path, solves for the parameters with initial states and latent forces
-integrated out exactly, then smooths those. The environment is lowered from loud to its real level over the
-first passes, so that the path follows the data while the parameters are still wrong (full-length replays do
-not converge otherwise).
+integrated out exactly, then smooths those. The environment is lowered to its real level over the first
+passes, so that the path follows the data while the parameters are still wrong (full-length replays do not
+converge otherwise).
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import math
 
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import notes
+from bayesid.diagnosis.threshold_table import CONFOUNDED_SHARE, NAMING_PROBABILITY
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -53,9 +54,11 @@ def ambiguity_blocks(result: Result) -> list[Block]:
     ]
     blocks.append(
         Table(
-            ["effect", "smallest visible size [prior sd]", "share the coefficients can hide"],
+            ["effect", "smallest visible size [prior sd]", "share that coefficients absorb"],
             rows,
-            "What would have been seen. Above 0.98 hidden, an effect is never named alone.",
+            f"What would have been seen. From {CONFOUNDED_SHARE:g} on an effect is confounded with "
+            f"coefficients: it is named only where it acts with at least {NAMING_PROBABILITY:.0%}, wrong "
+            "coefficients weighed beside it.",
         )
     )
     return blocks
