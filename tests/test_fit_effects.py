@@ -74,6 +74,28 @@ def test_effects_that_are_not_there_have_intervals_that_hold_their_off_value(abs
     assert not any("as well" in words for words in effect_words(absent))
 
 
+def _as_sure(found, sd_of):
+    """The same fit with other standard deviations of its effects' sizes."""
+    sd = np.array(found.fit.sd)
+    for name in PLANTED:
+        i = found.fit.names.index(name)
+        sd[i] = sd_of(name, abs(found.fit.z[i]))
+    return replace(found, fit=replace(found.fit, sd=sd))
+
+
+def test_a_size_that_may_be_none_is_not_told_as_found(found):
+    # "1 % more force than stated (share 0.008 ± 0.067; 7.1 nats)" was told of fins that give 18 % more
+    unsure = _as_sure(found, lambda name, size: size)
+    assert all("is open: its size is within two" in words for words in effect_words(unsure))
+    assert not any("is open" in words for words in effect_words(found))
+
+
+def test_runs_that_leave_a_size_open_do_not_say_that_it_does_not_show(absent):
+    wide = effect_words(_as_sure(absent, lambda name, size: absent.model.prior_sd(name)))
+    assert all(words.startswith("These runs do not tell ") for words in wide)
+    assert not any("do not tell" in words for words in effect_words(absent))
+
+
 def test_a_size_far_from_zero_that_gains_nothing_says_that_the_runs_do_without_it(found):
     nothing = effect_words(replace(found, gains=dict.fromkeys(found.gains, 0.1)))
     assert all("does not show in these runs: with all else fitted again" in words for words in nothing)

@@ -857,6 +857,22 @@ def test_a_run_predicted_worse_than_as_given_is_said_to_be_no_gain(predicted, sa
     assert ("which is no gain" in told) == said and "as given within 10 degrees" in told
 
 
+def test_a_channel_that_leaves_its_band_is_told_beside_those_that_stay_inside():
+    # "100 % of its readings lie in the 95 % band" was told beside a yaw rate of which 41 % do
+    def row(name, **inside):
+        told = {"rms": 0.1, "rms_given": 0.2}
+        return {"name": name, "against_readings": {k: told | {"inside": v} for k, v in inside.items()}}
+
+    def told(*rows):
+        return headline(SimpleNamespace(runs=()), (), rows)
+
+    worst = row("r1", x=1.0, y=1.0, psi=1.0, r=0.4)
+    assert told(worst).endswith("; 85% of its readings lie in the 95 % band, of r only 40%.")
+    assert told(row("r1", x=0.9, y=1.0, psi=0.8)).endswith("; 90% of its readings lie in the 95 % band.")
+    fine = row("r0", x=1.0, y=1.0, psi=1.0)
+    assert told(fine, worst).endswith("; 100% of its readings lie in the 95 % band, of r in the r1 only 40%.")
+
+
 def test_what_is_compared_is_told_with_as_many_digits():
     measure = {"quantity": "overshoot 1", "unit": "deg", "share": 1.0, "mean": 0.8419, "told": 0.8419}
     measure |= {"low": 0.8407, "high": 0.8431, "given": 0.8024}

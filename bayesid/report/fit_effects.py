@@ -20,39 +20,51 @@ _DEGREE = 180.0 / math.pi
 SHOWN = {"rad": ("deg", _DEGREE), "rad/s": ("deg/s", _DEGREE), "s/rad": ("s/deg", 1.0 / _DEGREE)}
 # Chance that an effect which is absent shows in a fit (likelihood ratio, chi-square of its amplitudes).
 FALSE_ALARM = 0.01
-# Standard deviations from which a size looks told by itself.
-FAR = 3.0
+# Standard deviations from which a size looks told by itself, and up to which it may be none.
+FAR, NEAR = 3.0, 2.0
+# Share of its prior's that a standard deviation keeps where the runs tell little of a size.
+OPEN = 0.5
 
 
 def effect_words(found: TrialFit) -> list[str]:
     """One text per effect freed: its sentence, and every parameter with one standard deviation."""
     out = []
     for effect in _effects(found):
-        sizes = ", ".join(parameter_words(found, f"{effect.name}.{p}") for p in _own(found, effect.name))
-        gain = found.gains.get(effect.name, math.inf)
         own = _own(found, effect.name)
-        dated = {p.name for p in found.model.effects[effect.name].parameters if p.dated}
-        # a time that is sought fits the noise as an amplitude does
-        amplitudes = sum(
-            p in dated or found.model.effect_off[found.model.index[f"{effect.name}.{p}"]] == 0.0 for p in own
-        )
-        off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
-        stated = {p for p in own if f"{effect.name}.{p}" in found.model.vehicle.effects}
-        declared = found.model.effects[effect.name]
-        needed = in_sentence(declared, effect.says)
-        told = needed & set(own)
-        over = bool(stated) and effect.says != declared.says and needed <= set(own)
-        if off:
-            as_stated = "is as the vehicle file states" if stated else "does not show in these runs"
-            far = any(abs(value - known) > FAR * sd for value, sd, known in _sizes(found, effect.name, own))
-            why = ": with all else fitted again they do without these sizes as well" if far else ""
-            says = f"{effect.name} {as_stated}{why}"
-        elif over or (told and not told & stated):
-            says = sentence(effect).removesuffix(".")
-        else:  # the sentence tells an effect the simulator has not, or sizes that were not asked for
-            says = f"{effect.name} has other sizes than the vehicle file states"
-        out.append(f"{says} ({sizes}, one sd; {gain:.3g} nats).")
+        gain = found.gains.get(effect.name, math.inf)
+        sizes = ", ".join(parameter_words(found, f"{effect.name}.{p}") for p in own)
+        out.append(f"{_says(found, effect, own, gain)} ({sizes}, one sd; {gain:.3g} nats).")
     return out
+
+
+def _says(found: TrialFit, effect: Effect, own: list[str], gain: float) -> str:
+    """Whether an effect shows, is open, or is what its declaration says of it."""
+    model, name = found.model, effect.name
+    declared = model.effects[name]
+    grows = [p for p in own if model.effect_off[model.index[f"{name}.{p}"]] == 0.0]
+    dated = {p.name for p in declared.parameters if p.dated}  # a time that is sought fits noise as well
+    shows = gain >= 0.5 * float(chi2.isf(FALSE_ALARM, max(len({*grows, *(dated & set(own))}), 1)))
+    stated = {p for p in own if f"{name}.{p}" in model.vehicle.effects}
+    sizes = _sizes(found, name, grows)
+    if not shows:
+        widths = [model.prior_sd(f"{name}.{p}") for p in grows]
+        if grows and all(sd > OPEN * width for (_, sd, _), width in zip(sizes, widths, strict=True)):
+            return f"These runs do not tell {name}"
+        as_stated = "is as the vehicle file states" if stated else "does not show in these runs"
+        far = any(abs(value - known) > FAR * sd for value, sd, known in _sizes(found, name, own))
+        return f"{name} {as_stated}" + (
+            ": with all else fitted again they do without these sizes as well" if far else ""
+        )
+    if grows and all(abs(value - known) < NEAR * sd for value, sd, known in sizes):
+        none = "what the vehicle file states" if stated else "none"
+        return f"{name} is open: its size is within two standard deviations of {none}"
+    needed = in_sentence(declared, effect.says)
+    told = needed & set(own)
+    over = bool(stated) and effect.says != declared.says and needed <= set(own)
+    if over or (told and not told & stated):
+        return sentence(effect).removesuffix(".")
+    # the sentence tells an effect the simulator has not, or sizes that were not asked for
+    return f"{name} has other sizes than the vehicle file states"
 
 
 def _sizes(found: TrialFit, effect: str, own: list[str]) -> list[tuple[float, float, float]]:

@@ -25,6 +25,7 @@ from bayesid.words import first_few
 DEGREE = 180 / math.pi
 MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
 ALL = 0.995  # share of the vehicles drawn that is printed as all
+FEW_INSIDE = 0.75  # share of a channel's readings in its 95 % band, below which it is told
 ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
 SAME = 1e-7  # width of a band, over its ends, that is rounding
 # What is told: of coefficients that are not fitted, of a fit of whose draws some diverge, of all others.
@@ -120,12 +121,11 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             f"{number(e.what[1])} {e.unit}" if math.isfinite(e.what[1]) else f"no {e.name} (it diverges)"
             for e in errors
         )
-        inside = min(e.what[2] for e in errors)
         worse = any(e.what[0] > WORSE * e.what[1] for e in errors if math.isfinite(e.what[1]))
         no_gain = "which is no gain: " if worse else ""
         return (
             f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
-            f"{inside:.0%} of its readings lie in the 95 % band."
+            f"{_inside_words(trial, row, rows)}."
         )
     told = [
         "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*texts, **m)
@@ -142,6 +142,31 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
         reach = 0.5 * math.hypot(width["x"], width["y"])
         return f"Predicted for {name}: the position is known to {number(reach)} m (95 %) at worst."
     return f"{name} is predicted with a 95 % band."
+
+
+def _inside_words(trial: Trial, row: Numbers, rows: Sequence[Numbers]) -> str:
+    """Share of the readings of a run inside the band, and the channel, of this run or another, that has few.
+
+    Errors of a run go together, so that a right band holds far less than 95 % of some channel now and then.
+    """
+    said = f"{_inside(row)[0]:.0%} of its readings lie in the 95 % band"
+    worst, elsewhere, channel, k = min(
+        (share, other is not row, channel, k)
+        for k, other in enumerate(rows)
+        if other["against_readings"]
+        for _, share, channel in [_inside(other)]
+    )
+    if worst >= FEW_INSIDE:
+        return said
+    where = f" in the {_name(trial, rows[k])}" if elsewhere else ""
+    return f"{said}, of {channel}{where} only {worst:.0%}"
+
+
+def _inside(row: Numbers) -> tuple[float, float, str]:
+    """Share of a run's readings inside the band, the least of a channel, and that channel."""
+    shares = {channel: float(each["inside"]) for channel, each in row["against_readings"].items()}
+    worst = min(shares, key=lambda channel: shares[channel])
+    return sum(shares.values()) / len(shares), shares[worst], worst
 
 
 def told_by(p: Prediction) -> str:
@@ -379,7 +404,9 @@ def _run_row(row: Numbers) -> list[str]:
     """Errors of one run: as given and predicted, and the share of its readings in the band."""
     found = {e.name: e.what for e in _errors(row)}
     cells = [_cell(found[n][k]) if n in found else "–" for n in ("position", "heading") for k in (1, 0)]
-    return [literal(row["name"]), *cells, f"{min(w[2] for w in found.values()):.0%}"]
+    share, worst, channel = _inside(row)
+    few = f"; {channel} {worst:.0%}" if worst < FEW_INSIDE else ""
+    return [literal(row["name"]), *cells, f"{share:.0%}{few}"]
 
 
 def _telling(row: Numbers) -> list[Numbers]:

@@ -165,11 +165,13 @@ def _course(s: Joined) -> Relation | None:
     ahead = head / np.abs(head)
     off = moved / np.abs(moved) / ahead
     period = turning_time(turning / span, float(s.t[-1] - s.t[0]))
+    speed = np.abs(moved) / span
+    slower = np.median(speed) / speed  # a current turns the course the more, the slower the vehicle is
     complexes = {
         "angle": (1j * np.ones(off.size), ANGLE),
         "sway": (1j * turning / span * period, SIDEWAYS),
-        "drift_north": (1j * (1.0 / ahead).imag, CURRENT),
-        "drift_east": (1j * (1j / ahead).imag, CURRENT),
+        "drift_north": (1j * (1.0 / ahead).imag * slower, CURRENT),
+        "drift_east": (1j * (1j / ahead).imag * slower, CURRENT),
     }
     columns = {k: _stacked(c) for k, (c, _) in complexes.items()}
     return Relation(
