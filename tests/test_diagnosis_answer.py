@@ -656,6 +656,9 @@ def test_which_of_several_and_several_at_once_are_different_sentences(shares, ac
     )  # fmt: skip
     told = answer(replace(found, effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),))).headline
     assert told.startswith(start) and told.endswith(end)
+    # sizes are those of a cause that acts alone
+    sized = "rudder offset of 1.1 degrees to starboard (" in told
+    assert sized == start.startswith("These runs cannot tell which it is: ")
 
 
 def test_what_leeway_may_give_is_said_with_the_leeway():

@@ -6,7 +6,7 @@ Takes a `Result`. Gives sentences. Does not decide.
 from __future__ import annotations
 
 from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
-from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence
+from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, sizes
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.threshold_table import EVEN_ODDS
@@ -18,7 +18,7 @@ MOST_RIVALS, POSSIBLE = 4, 0.05
 def cannot_tell(result: Result) -> str:
     """First sentence of a diagnosis that is ambiguous."""
     chances = _chances(result)
-    listed = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances)
+    listed = ", ".join(_sized(result, n, p) for n, p in chances)
     nothing = "none" in result.set95
     if not chances:
         return "These runs cannot tell whether anything acts."
@@ -46,7 +46,7 @@ def cannot_tell(result: Result) -> str:
         )
     if (first := leading_cause(result)) is not None:
         said = f"{lowered(sentence(first).rstrip('.'))} ({probability(chances[0][1])})"
-        others = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances[1:])
+        others = ", ".join(_sized(result, n, p) for n, p in chances[1:])
         rest = others + (alone if others else alone.removeprefix(", or "))
         return f"More likely than not {said}; these runs do not exclude {rest}{pairs}."
     if len(chances) == 1:
@@ -74,6 +74,14 @@ def _chances(result: Result) -> list[tuple[str, float]]:
     causes = [n for n in result.set95 if n not in ("none", "model_form")]
     told = result.acting if result.together > POSSIBLE else result.probabilities
     return sorted(((n, told.get(n, 0.0)) for n in causes), key=lambda c: -c[1])[:MOST_RIVALS]
+
+
+def _sized(result: Result, name: str, p: float) -> str:
+    """ "actuator lag of 0.21 seconds (0.45)": a possible cause, its size unless several act together (it is that
+    of a cause that acts alone), and how probable."""
+    effect = next((e for e in result.effects if e.name == name and e.parameters), None)
+    size = sizes(effect) if effect is not None and result.together <= EVEN_ODDS else ""
+    return f"{_outside(name)}{f' of {size}' if size else ''} ({probability(p)})"
 
 
 def _outside(name: str) -> str:

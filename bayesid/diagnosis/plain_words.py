@@ -61,6 +61,14 @@ def sentence(effect: Effect) -> str:
     return said or f"{effect.name.replace('_', ' ').capitalize()} acts."
 
 
+def sizes(effect: Effect) -> str:
+    """The sizes in the sentence alone, "0.21 seconds"; empty where there is none."""
+    try:
+        return ", ".join(_place(effect, m) for m in _PLACE.finditer(effect.says))
+    except KeyError:
+        return ""
+
+
 def intervals(effect: Effect) -> list[str]:
     """The sizes in the sentence with the 95 % interval to use, one text each."""
     out = []
