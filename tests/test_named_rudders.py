@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.input.simulator_instead import behaviour_of
 from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError
+from bayesid.model.effects.named import whole_forces
 from bayesid.model.vehicles import load_vehicle
 from bayesid.model.vehicles.sufficient import lacking
+from bayesid.report.fit_held import actuator_words
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
 
@@ -131,6 +134,32 @@ def test_twin_rudders_have_one_lag_that_is_the_lag_of_both(zigzags):
         each = motion(**{f"delta_{k}_{kind}__{size}": value for k in (1, 2)}).states[:, :6]
         assert both == pytest.approx(each, rel=1e-9, abs=1e-9)
         assert np.abs(both - motion().states[:, :6]).max() > 1e-3
+
+
+def test_forces_that_are_no_coefficients_are_scaled_by_one_effect_each_and_twins_by_one(zigzags):
+    vehicle = model_of(zigzags).vehicle
+    shafts = tuple(f"thruster_{a.name}_gain" for a in vehicle.actuators if a not in vehicle.fins)
+    assert set(whole_forces(vehicle.actuators)) == {"twin_fins_1_2_effectiveness", *shafts} and shafts
+    apart = tuple(replace(f, F_uu=f.F_uu * k) for k, f in enumerate(vehicle.fins, 1))
+    single = {"delta_1_effectiveness", "delta_2_effectiveness"}
+    assert single < set(whole_forces(replace(vehicle, fins=apart).actuators))
+
+
+def test_a_fit_that_is_not_final_asks_for_the_forces_it_holds(zigzags):
+    model = model_of(zigzags)
+
+    def fit(names, *failed):
+        return SimpleNamespace(
+            vehicle=model.vehicle, problem=SimpleNamespace(params=SimpleNamespace(names=names)),
+            fit=SimpleNamespace(uncertainty={}), posterior=SimpleNamespace(not_final=lambda: list(failed)),
+        )  # fmt: skip
+
+    every = whole_forces(model.vehicle.actuators)
+    (said,) = actuator_words(fit(("Y_v",), "the runs disagree"))
+    assert f"`--with {','.join(every)}`" in said
+    (said,) = actuator_words(fit(("Y_v", f"{every[0]}.share"), "the runs disagree"))
+    assert every[0] not in said and every[1] in said
+    assert actuator_words(fit(("Y_v",))) == []
 
 
 def test_fins_that_are_no_twins_have_no_common_effect(zigzags):

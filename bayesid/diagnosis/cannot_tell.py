@@ -77,8 +77,8 @@ def _chances(result: Result) -> list[tuple[str, float]]:
 
 
 def _sized(result: Result, name: str, p: float) -> str:
-    """ "actuator lag of 0.21 seconds (0.45)": a possible cause, its size unless several act together (it is that
-    of a cause that acts alone), and how probable."""
+    """ "actuator lag of 0.21 seconds (0.45)": a possible cause, its size unless several act together (it is
+    that of a cause that acts alone), and how probable."""
     effect = next((e for e in result.effects if e.name == name and e.parameters), None)
     size = sizes(effect) if effect is not None and result.together <= EVEN_ODDS else ""
     return f"{_outside(name)}{f' of {size}' if size else ''} ({probability(p)})"

@@ -29,7 +29,7 @@ from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.fit_form import form_rows_of
-from bayesid.report.fit_held import freeing_words, held_words
+from bayesid.report.fit_held import actuator_words, freeing_words, held_words
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.words import counted, first_few
 
@@ -129,7 +129,7 @@ def next_steps(
 ) -> list[str]:
     """What to do with this fit; `model_written` where `bayesid predict` finds its model, `no_model` why there
     is none."""
-    out = freeing_words(found)
+    out = [*freeing_words(found), *actuator_words(found)]
     if not found.fit.converged:
         out.append(
             f"To end the search, free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, "

@@ -1,4 +1,4 @@
-"""Coefficients that a fit holds although its runs move them, in words.
+"""Coefficients that a fit holds although its runs move them, and forces of actuators it holds, in words.
 
 Takes a `TrialFit`. Gives sentences. Does not fit.
 """
@@ -6,6 +6,7 @@ Takes a `TrialFit`. Gives sentences. Does not fit.
 from __future__ import annotations
 
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.model.effects.named import whole_forces
 from bayesid.report.fit_first_screen import percent
 from bayesid.words import digits, first_few
 
@@ -44,6 +45,19 @@ def freeing_words(found: TrialFit) -> list[str]:
     if len(held) < len(wanted):
         return [f"Hold fewer coefficients: `--fix '{','.join(held)}'`. {every}"]
     return [f"Free these as well: `--free '{','.join(wanted)}'`. {every}"]
+
+
+def actuator_words(found: TrialFit) -> list[str]:
+    """What to type where a fit is not final and holds forces of named actuators, which no coefficient is."""
+    not_final = held_words(found) or (found.posterior is not None and found.posterior.not_final())
+    freed = {name.partition(".")[0] for name in found.problem.params.names}
+    held = [name for name in whole_forces(found.vehicle.actuators) if name not in freed]
+    if not not_final or not held:
+        return []
+    return [
+        "Coefficients make up for forces of rudders, shafts and thrusters that are not as the vehicle file "
+        f"has them: free these as well, `--with {','.join(held)}`."
+    ]
 
 
 def _move(found: TrialFit, name: str, change: float, sd: float) -> str:

@@ -58,6 +58,22 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
     return tuple(out)
 
 
+def whole_forces(actuators: Sequence[Actuator]) -> tuple[str, ...]:
+    """Names of the effects that scale all the force of an actuator, those of twin fins for both."""
+    twins = _twins(actuators)
+    paired = {fin.name for pair in twins for fin in pair}
+    alone = [actuator for actuator in actuators if actuator.name not in paired]
+    declared: list[tuple[Sequence[Actuator], Sequence[Effect]]] = [(pair, _of_both(pair)) for pair in twins]
+    declared += [((one,), named_effects([one])) for one in alone]
+    return tuple(effect.name for group, each in declared for effect in each if effect.force == _whole(group))
+
+
+def _whole(group: Iterable[Actuator]) -> dict[str, str]:
+    """The force of an effect that scales all forces of some actuators by one share."""
+    each = [_beyond(actuator.shape, "share") for actuator in group]
+    return {axis: " + ".join(force[axis] for force in each) for axis in each[0]}
+
+
 def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, Fin]]:
     """Pairs of fins that mirror each other, one on each side; canted ones may push along the mirrored
     direction or against it."""
