@@ -13,6 +13,7 @@ from bayesid.cli.main import run
 from bayesid.cli.output import rounded
 from bayesid.cli.run_measures import print_measures
 from bayesid.measures import named_measures as measure
+from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import builtin_names, coef_si, load_vehicle
 
 
@@ -50,6 +51,23 @@ def test_vehicle_show_gives_every_coefficient_with_its_si_value(capsys):
     assert shown["digest"] == vehicle.digest
     assert run(["vehicle", "show", "generic_sub", "-v"]) == 0
     assert "N_v" in capsys.readouterr().out
+
+
+def test_vehicle_terms_prints_every_row_of_the_axes_asked_for(capsys):
+    def asked(*axes):
+        assert run(["vehicle", "terms", *axes, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    rows = [row for row in asked() if row["row"]]
+    assert {row["name"] for row in rows} == {t.name for t in TERMS if not t.is_number}
+    some = {row["name"] for row in asked("YN") if row["row"]}
+    assert some == {row["name"] for row in rows if row["axis"] in "YN"} and "N_|v|r" in some
+    assert {row["name"] for row in asked("YN") if not row["row"]} == {t.name for t in TERMS if t.is_number}
+    assert run(["vehicle", "terms", "Y"]) == 0
+    said = capsys.readouterr().out
+    assert "Y_v|v|" in said and "N_r" not in said
+    assert run(["vehicle", "terms", "YQ"]) == 2
+    assert "no axis Q" in capsys.readouterr().err
 
 
 def test_a_misspelt_vehicle_is_exit_code_2_with_a_suggestion(capsys):

@@ -70,6 +70,7 @@ def command() -> Any:
             "Look at coefficient sets, check them, make new ones.",
             list=vehicle.listing,
             show=vehicle.show,
+            terms=vehicle.terms,
             new=new,
             check=check,
         ),

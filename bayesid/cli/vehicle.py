@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from bayesid.cli.choices import VehicleName
 from bayesid.cli.options import Json, Verbose
 
 if TYPE_CHECKING:
     from bayesid.model.vehicles import Vehicle
+
+Axes = Annotated[str, typer.Argument(metavar="[axes]", help="Letters of axes, e.g. XYN.")]
 
 
 def listing(as_json: Json = False, verbose: Verbose = False) -> None:
@@ -64,6 +68,48 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     if verbose:
         columns, keys = [*columns, "source of the term"], [*keys, "source"]
     print_table(columns, [[row[key] for key in keys] for row in rows])
+
+
+def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False) -> None:
+    """Print the force table: every coefficient a vehicle file may state, and what it multiplies.
+
+    AXES are letters, e.g. XYN. Numbers of an MMG ship, which are no rows, come last.
+    """
+    from bayesid.cli.output import print_json, print_table, print_text
+    from bayesid.errors import VehicleError
+    from bayesid.model.terms import TERMS
+
+    if unknown := sorted(set(axes) - set("XYZKMN")):
+        raise VehicleError(f"there is no axis {', '.join(unknown)}: X, Y, Z (forces), K, M, N (moments)")
+    rows = [
+        {
+            "name": t.name, "axis": t.axis, "multiplies": t.regressor, "unit": t.unit,
+            "length_power": t.length_power, "velocity_power": t.velocity_power, "group": t.group,
+            "source": t.source, "about": t.about, "row": not t.is_number,
+        }
+        for t in sorted(TERMS, key=lambda t: (t.is_number, "XYZKMN".find(t.axis)))
+        if t.is_number or t.axis in axes
+    ]  # fmt: skip
+    if as_json:
+        print_json(rows)
+        return
+    print_table(
+        ["coefficient", "multiplies (SI, radians)", "SI unit", "prime", *(["source"] if verbose else [])],
+        [
+            [
+                r["name"], r["multiplies"], r["unit"],
+                f"L^{r['length_power']}"
+                + ("" if r["velocity_power"] == 2 else f" U^{r['velocity_power']}"),
+                *([r["source"]] if verbose else []),
+            ]
+            for r in rows
+            if r["row"]
+        ],
+    )  # fmt: skip
+    numbers = [[r["name"], r["about"], r["multiplies"]] for r in rows if not r["row"]]
+    if numbers and set(axes) == set("XYZKMN"):
+        print_text()
+        print_table(["number of a ship (MMG)", "what it is", "acts in"], numbers)
 
 
 def _actuator_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
