@@ -250,6 +250,25 @@ def test_outliers_do_not_make_a_gap():
     assert decide(problem, compare(problem)).word == "none"
 
 
+def test_a_rudder_that_is_measured_in_every_run_is_not_slow():
+    model = model_of()
+    trial = planted_trial(model)
+
+    def told(*measured):
+        runs = tuple(
+            replace(r, measured_inputs={"delta_r": r.commands["delta_r_cmd"]} if k in measured else {})
+            for k, r in enumerate(trial.runs)
+        )
+        problem = build_problem(model, replace(trial, runs=runs))
+        return {name for name, effect in model.effects.items() if banks.testable(problem, effect)}
+
+    every = range(len(trial.runs))
+    slow = {"actuator_lag", "actuator_rate_limit"}
+    # its zero, its play behind the sensor and the clock of the sensor are left
+    assert told() - told(*every) == slow and told(*every) < told()
+    assert told(0) == told()
+
+
 def test_an_effect_of_a_sensor_that_is_not_there_cannot_show():
     model = model_of()
     trial = planted_trial(model)

@@ -14,6 +14,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, at_time, sizes_tried
 from bayesid.diagnosis.hypotheses.size_scales import over_usual_size, sizes_of_effect
+from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
@@ -21,6 +22,7 @@ from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.model.effects import Effect
+from bayesid.model.effects.declare import SERVO_STAGES
 from bayesid.simulation import interval_maps, readings_on
 from bayesid.threads import each
 
@@ -86,8 +88,25 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
         return False  # equations that lack a force do not tell it from a single screw
     if effect.name == "position_lever_arm" and problem.velocity_from_track:
         return False
+    if (slowed := _slowed(problem.model, effect)) and all(
+        slowed <= set(log.plan.measured) for log in problem.logs
+    ):
+        return False  # the position is logged as it came to be, with whatever slows it
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
     return not (effect.port == "sensor" and not (seen & names))
+
+
+def _slowed(model: Model, effect: Effect) -> frozenset[str]:
+    """Actuators whose positions an effect makes slower than their orders: by a lag or a limit of the rate."""
+    own = {
+        f"{number}_{servo}": signal
+        for signal, servo in model.kernel.spec.servos.items()
+        for number in ("servo_lag", "inverse_rate")
+    }
+    first, last = SERVO_STAGES
+    return frozenset(own[k] for k in effect.adjust if k in own) | frozenset(
+        stage.signal for stage in effect.stages if first <= stage.order < last
+    )
 
 
 def build_bank(

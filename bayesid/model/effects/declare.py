@@ -75,6 +75,12 @@ class EffectParameter:
     about: str = ""
 
 
+SERVO_STAGES = (
+    30,
+    50,
+)  # orders of links from which on, and before which, a position is slower than its order
+
+
 @dataclass(frozen=True)
 class InputStage:
     """One link of an actuator chain; links run in rising `order` (dead time 10, backlash 25, lag 30,
