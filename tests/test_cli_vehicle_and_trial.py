@@ -15,6 +15,7 @@ from bayesid.cli.run_measures import print_measures
 from bayesid.measures import named_measures as measure
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import builtin_names, coef_si, load_vehicle
+from bayesid.trials import load_trial, trial_summary
 
 
 @pytest.fixture
@@ -51,6 +52,29 @@ def test_vehicle_show_gives_every_coefficient_with_its_si_value(capsys):
     assert shown["digest"] == vehicle.digest
     assert run(["vehicle", "show", "generic_sub", "-v"]) == 0
     assert "N_v" in capsys.readouterr().out
+
+
+def test_the_speed_of_a_run_is_that_of_its_track_where_no_velocity_is_logged(bundle):
+    (run_,) = trial_summary(load_trial(bundle))["runs"]  # 2 m/s, positions to 0.05 m each second
+    low, high = run_["speed"]
+    assert 1.7 < low <= 2.0 <= high < 2.3
+
+
+def test_a_trial_that_logs_roll_is_planar_where_its_vehicle_is(bundle, capsys):
+    text = (bundle / "r1.csv").read_text().splitlines()
+    rolled = [
+        text[0] + ",phi[deg],p[deg/s],theta[deg],q[deg/s],z[m]",
+        *(f"{line},0.1,0,0,0,0" for line in text[1:]),
+    ]
+    (bundle / "r1.csv").write_text("\n".join(rolled) + "\n")
+    toml = (bundle / "trial.toml").read_text().replace("dof = 3\n", "")
+    for vehicle, said in (
+        ("remus100", "6 degrees of freedom, "),
+        ("kvlcc2_mmg", "3 degrees of freedom (more"),
+    ):
+        (bundle / "trial.toml").write_text(toml.replace("remus100", vehicle))
+        run(["trial", "check", str(bundle)])
+        assert said in capsys.readouterr().out
 
 
 def test_vehicle_terms_prints_every_row_of_the_axes_asked_for(capsys):

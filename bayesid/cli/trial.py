@@ -52,6 +52,10 @@ def check(
     problem = None if vehicle else _vehicle_problem(trial)
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
     summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
+    reference = vehicle or trial.vehicle_ref
+    in_plane = problem is None and bool(reference) and trial.dof == 6 and _moves_in_plane(reference)
+    if in_plane:
+        summary["dof"] = 3
     summary["warnings"] = [*found.check.left_open, *summary["warnings"], *found.still]
     summary["warnings"] += filter(None, [found.wind])
     # one mend for one mistake
@@ -62,7 +66,7 @@ def check(
     if as_json:
         print_json(summary)
     else:
-        _print(summary, found.mistakes, found.lacking, verbose)
+        _print(summary, found.mistakes, found.lacking, verbose, in_plane)
     if problem is not None:
         return BAD_INPUT
     return WRONG_LOG if found.mistakes else OK
@@ -82,6 +86,12 @@ def _vehicle_problem(trial: Trial) -> str | None:
     return None
 
 
+def _moves_in_plane(reference: str) -> bool:
+    from bayesid.model.vehicles import load_vehicle
+
+    return load_vehicle(reference).planar_only
+
+
 def _print_list(sentences: Sequence[str]) -> None:
     from bayesid.cli.output import print_text
 
@@ -90,13 +100,16 @@ def _print_list(sentences: Sequence[str]) -> None:
     print_text()
 
 
-def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[str], verbose: bool) -> None:
+def _print(
+    summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[str], verbose: bool, in_plane: bool
+) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.input import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
     held = f" ({len(summary['holdout'])} of them held out)" if summary["holdout"] else ""
     size = f"{counted(len(summary['runs']), 'run')}{held}, {summary['dof']} degrees of freedom"
+    size += " (more are logged; the vehicle file has surge, sway and yaw only)" * in_plane
     print_text(f"{summary['name']}: {size}, vehicle {vehicle}")
     if summary["attribution"]:
         print_text(summary["attribution"])

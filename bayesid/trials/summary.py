@@ -21,6 +21,7 @@ from bayesid.trials.trial import Floats, Run, Trial, channels_of
 from bayesid.words import counted
 
 _DEG = math.pi / 180.0
+LEAST_PIECE, PIECES = 1.0, 50  # [s] and number of pieces, between which a track's speed is taken
 
 
 def trial_summary(trial: Trial) -> dict[str, Any]:
@@ -128,11 +129,32 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
 
 
 def _speed(run: Run) -> Floats | None:
-    """Speed through the water where logged, else over ground, m/s."""
+    """Speed through the water where logged, else over ground, from the track where no velocity is [m/s]."""
     for names in (("u_water", "v_water"), ("u", "v")):
         if set(names) <= set(run.data):
             return np.hypot(run.data[names[0]], run.data[names[1]])
-    return None
+    for along in ("u_water", "u"):
+        if along in run.data:
+            return np.abs(run.data[along])
+    return _speed_of_track(run)
+
+
+def _speed_of_track(run: Run) -> Floats | None:
+    """Distance over time between mean positions of `PIECES` pieces, at least a second long; None of few."""
+    if not {"x", "y"} <= set(run.data):
+        return None
+    read = np.isfinite(run.data["x"]) & np.isfinite(run.data["y"])
+    t, x, y = run.t[read], run.data["x"][read], run.data["y"][read]
+    if t.size < 3:
+        return None
+    edges = np.arange(t[0], t[-1], max(LEAST_PIECE, (t[-1] - t[0]) / PIECES))
+    piece = np.searchsorted(edges, t, side="right") - 1
+    count = np.bincount(piece, minlength=edges.size)
+    means = [np.bincount(piece, values, edges.size)[count > 0] / count[count > 0] for values in (t, x, y)]
+    if means[0].size < 3:
+        return None
+    span, ahead, aside = (np.diff(m) for m in means)
+    return np.hypot(ahead, aside) / span
 
 
 def _widest(run: Run, name: str, named: str, but: Sequence[str] = ()) -> Floats | None:
