@@ -101,7 +101,11 @@ def _print_list(sentences: Sequence[str]) -> None:
 
 
 def _print(
-    summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[str], verbose: bool, in_plane: bool
+    summary: dict[str, Any],
+    mistakes: Sequence[str],
+    lacking: Sequence[str],
+    verbose: bool,
+    in_plane: bool = False,
 ) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.input import grouped
