@@ -187,8 +187,8 @@ def _say(target: Path, made: NewVehicle, verbose: bool) -> None:
     from bayesid.model.vehicles import load_vehicle
     from bayesid.model.vehicles.check import check_vehicle
     from bayesid.model.vehicles.new import stable_share
+    from bayesid.model.vehicles.orders import has_rudder
     from bayesid.model.vehicles.stability import stability
-    from bayesid.model.vehicles.sufficient import has_rudder
 
     vehicle = load_vehicle(target)
     print_text(f"{vehicle.name} written to {target}: {len(vehicle.coef)} coefficients, L {vehicle.L:.4g} m, "

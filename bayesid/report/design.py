@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.analysis.design import ManoeuvrePlan
 from bayesid.analysis.design.compare import PlanningCase
+from bayesid.model.vehicles.orders import rudder_limits
 from bayesid.report import design_first_screen as screen
 from bayesid.report import manoeuvre_figures as figures
 from bayesid.report import writer
@@ -72,7 +73,7 @@ def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], t
         [f"**{literal(screen.headline(case, plan, table))}**", *map(literal, screen.cautions(plan))]
     )
     b = case.bounds
-    stated = "delta_r" in case.model.vehicle.rates
+    stated = math.isfinite(rudder_limits(case.model.vehicle)[1])
     rate = f"The rudder moves at most {math.degrees(b.rate):.3g} deg/s. " if stated else ""
     orders: list[Block] = [
         Text(
