@@ -3,14 +3,18 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bayesid
 from bayesid.cli.main import run as command
+from bayesid.diagnosis import next_manoeuvre
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError, ModelError
+from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
@@ -24,6 +28,8 @@ from bayesid.model.vehicles.orders import (
 )
 from bayesid.model.vehicles.sufficient import lacking
 from bayesid.prediction.initial_state import balanced_speed
+from bayesid.prediction.intervals import measure_bands
+from bayesid.prediction.manoeuvre_prediction import predict_manoeuvre
 from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
 from bayesid.trials import write_trial
 
@@ -78,6 +84,7 @@ N_v = -4000
 N_r = -45000
 """
 CENTRAL = "[control]\ndr_max_deg = 30.0\nrate_deg_s = 15.0\n"
+SEA = NoiseModel((0.0,) * 3, 3.0, 0.0, 25.0)
 ORDERED = ("turn:20,duration=60", "zigzag:10/10,duration=40")
 
 
@@ -252,3 +259,42 @@ def test_a_table_of_fins_alone_keeps_the_named_shafts_turning(ferry, tmp_path):
     (run,) = bayesid.simulate(ferry, f"table:{tmp_path / 'fins.csv'}").runs
     assert run.commands["n_port_cmd"] == pytest.approx(600.0)
     assert run.data["u"][-1] == pytest.approx(self_propulsion_speed(ferry, 600.0), rel=1e-6)
+
+
+def test_a_predicted_turn_is_measured_by_the_rudders_of_the_vehicle(ferry):
+    """Of a vehicle that is known exactly the prediction is the simulation."""
+    model = build_model(ferry, 3)
+    given = model.nominal[model.positions(("N_r",))]
+    known = WeightedHypothesis(
+        (),
+        1.0,
+        ("N_r",),
+        given,
+        np.diag((1e-9 * given) ** 2),
+        given - np.inf,
+        given + np.inf,
+        SEA,
+        np.zeros(1),
+    )
+    found = DiagnosedModel(model, (known,), {}, "fit", "")
+    text = "turn:20,duration=150"
+    order = parse(text, Scale(ferry.L, self_propulsion_speed(ferry, 600.0), 600.0, rudder_limits(ferry)[0]))
+    predicted = {
+        m["quantity"]: m for m in measure_bands(predict_manoeuvre(found, text, order, 20), named_measures)
+    }
+    (run,) = bayesid.simulate(ferry, text).runs
+    own = {**run.data, "delta_r": gathered(ferry, run.commands)["delta_r_cmd"]}
+    (measured,) = named_measures(text, run.t, own)
+    for quantity, value, _ in measured["rows"]:
+        assert predicted[quantity]["mean"] == pytest.approx(value, rel=1e-3)
+
+
+def test_the_next_manoeuvre_is_sought_within_the_angles_of_the_named_rudders(ferry, monkeypatch):
+    tried = []
+    monkeypatch.setattr(next_manoeuvre, "worst_margin", lambda bank, names, size: 0.0)
+    monkeypatch.setattr(next_manoeuvre, "added_equations", lambda problem, bank, one: tried.append(one))
+    log = SimpleNamespace(plan=SimpleNamespace(t=np.array([0.0, 1e4])))
+    problem = SimpleNamespace(model=build_model(ferry, 3), logs=[log])
+    next_manoeuvre.propose(problem, SimpleNamespace(effects={}), [], 0.3)
+    turns = [one.commands["delta_r_cmd"] for one in tried if one.name == "turning circle"]
+    assert {float(abs(rudder).max()) for rudder in turns} == {rudder_limits(ferry)[0]}
