@@ -169,19 +169,38 @@ def test_fins_that_are_no_twins_have_no_common_effect(zigzags):
     assert "delta_1_lag" in named and not any(name.startswith("twin") for name in named)
 
 
-def test_a_vehicle_with_two_named_rudders_is_not_said_to_have_none(tmp_path):
-    (tmp_path / "launch.toml").write_text(LAUNCH)
-    ship = load_vehicle(tmp_path / "launch.toml")
-    (design,) = [text for text in lacking(ship)["design"] if "rudder" in text]
+def test_a_vehicle_with_two_rudders_that_are_not_alike_is_not_said_to_have_none(tmp_path):
+    file = tmp_path / "launch.toml"
+    file.write_text(LAUNCH)
+    assert not [text for text in lacking(load_vehicle(file))["design"] if "has no rudder" in text]
+    head, _, tail = LAUNCH.rpartition("F_uu = 300.0")
+    file.write_text(f"{head}F_uu = 200.0{tail}")
+    ship = load_vehicle(file)
+    (design,) = [text for text in lacking(ship)["design"] if "has no rudder" in text]
     with pytest.raises(ManoeuvreError, match=r"columns t\[s\], n_3_cmd\[rpm\], delta_1_cmd") as said:
         bayesid.design(ship, quick=True)
     for text in (design, str(said.value)):
-        assert "has no rudder delta_r, its rudders 1 and 2 have orders of their own" in text
+        assert "has no rudder delta_r, its rudders 1 and 2 are not alike and have orders of their own" in text
     # what its table orders, its table can order
     columns = str(said.value).partition("columns ")[2].partition(")")[0].split(", ")
     (tmp_path / "orders.csv").write_text(f"{','.join(columns)}\n0,600,0,0\n20,600,10,10\n40,600,0,0\n")
     (run,) = bayesid.simulate(ship, f"table:{tmp_path / 'orders.csv'}").runs
     assert abs(run.data["psi"][-1]) > 0.1
+
+
+def test_a_manoeuvre_is_designed_for_two_alike_rudders_by_their_own_columns(tmp_path):
+    file = tmp_path / "launch.toml"
+    file.write_text(LAUNCH)
+    found = bayesid.design(load_vehicle(file), quick=True, tries=20, duration=60.0, prior=0.1)
+    found.save(tmp_path / "next")
+    table = tmp_path / "next" / "next_manoeuvre.csv"
+    header, *_ = table.read_text().splitlines()
+    assert header == "t[s],n_3_cmd[rpm],delta_1_cmd[deg],delta_2_cmd[deg]"
+    assert found.plan.candidates[0].shown < found.plan.before
+    (run,) = bayesid.simulate(file, f"table:{table}").runs
+    most = abs(found.plan.orders.commands["delta_r_cmd"]).max()
+    assert most > 0.1 and abs(run.commands["delta_1_cmd"]).max() == pytest.approx(most)
+    assert run.commands["delta_1_cmd"] == pytest.approx(run.commands["delta_2_cmd"])
 
 
 def fins_at(zigzags, *places):

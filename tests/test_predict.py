@@ -223,7 +223,7 @@ def test_approach_speed_balances_thrust_and_drag(name, share):
     # expected: root of the vehicle's own balance of rows
     model = model_of(name)
     rpm = share * model.vehicle.rpm_ref
-    found = balanced_speed(model, model.nominal, rpm)
+    found = balanced_speed(model, model.nominal, {"n_cmd": rpm})
     assert found[0] == pytest.approx(self_propulsion_speed(model.vehicle, rpm), rel=1e-5)
 
 
@@ -293,7 +293,9 @@ def test_a_vertical_zigzag_is_measured_by_the_planes_of_every_vehicle():
     predicted = predict_manoeuvre(found, "vzigzag:8/8", manoeuvre, draws=6)
     assert predicted.orders["delta_s_cmd"].shape == (6, predicted.t.size)
     x0 = np.zeros(len(model.states))
-    x0[model.states.index("u")] = balanced_speed(model, model.nominal[None], model.vehicle.rpm_ref)[0]
+    x0[model.states.index("u")] = balanced_speed(
+        model, model.nominal[None], {"n_cmd": model.vehicle.rpm_ref}
+    )[0]
     track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0, exact=True)
     theta = track.states[:, model.states.index("theta")]
     data = {"theta": theta, "delta_s": commands["delta_s_cmd"], ORDER_TIMES: commands[ORDER_TIMES]}

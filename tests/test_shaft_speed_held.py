@@ -11,7 +11,7 @@ import bayesid
 from bayesid.api import diagnose as diagnose_verb
 from bayesid.diagnosis.input import unmoved_inputs
 from bayesid.model.vehicles import Propulsion, load_vehicle
-from bayesid.model.vehicles.sufficient import has_propeller
+from bayesid.model.vehicles.orders import has_propeller
 from bayesid.simulation import shaft_speed_note, with_shaft_speed
 from bayesid.trials import Trial
 

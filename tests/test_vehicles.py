@@ -21,8 +21,9 @@ from bayesid.model.vehicles import (
 )
 from bayesid.model.vehicles.convention import complete_from_fossen, munk_and_coriolis, rudder_to_port
 from bayesid.model.vehicles.inertia import planar_part
+from bayesid.model.vehicles.orders import has_rudder
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER, read_vehicle
-from bayesid.model.vehicles.sufficient import has_rudder, lacking
+from bayesid.model.vehicles.sufficient import lacking
 from bayesid.model.vehicles.writing import vehicle_toml
 
 EVERY = pytest.mark.parametrize("name", builtin_names())

@@ -22,6 +22,7 @@ from bayesid.errors import FitError
 from bayesid.files import write_json
 from bayesid.manoeuvres import parse, write_table
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.orders import own_orders
 from bayesid.progress import Progress
 from bayesid.report import design as words
 from bayesid.report import design_first_screen as screen
@@ -177,7 +178,9 @@ class DesignResult(Result):
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target, record = Path(folder), self.record()
         target.mkdir(parents=True, exist_ok=True)
-        write_table(self.plan.orders, target / TABLE)
+        orders = self.plan.orders
+        own = replace(orders, commands=own_orders(self.case.model.vehicle, orders.commands))
+        write_table(own, target / TABLE)
         write_json(target / "design.json", record)
         return words.write_plan(self.case, self.plan, target, record, list(self.notes), TABLE)
 

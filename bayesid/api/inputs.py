@@ -24,7 +24,7 @@ from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
-from bayesid.model.vehicles.sufficient import has_rudder
+from bayesid.model.vehicles.orders import rudder_limits, steers, without_rudder
 from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
@@ -198,8 +198,8 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     shaft = rpm if rpm is not None else vehicle.rpm_ref
     if shaft is None:
         raise VehicleError(f"{vehicle.name}: names no usual shaft speed; give rpm (--rpm)")
-    limits = vehicle.limits
-    rudder, plane = (min(limits.get(fin, LARGEST_ANGLE), LARGEST_ANGLE) for fin in ("delta_r", "delta_s"))
+    angles = rudder_limits(vehicle)[0], vehicle.limits.get("delta_s", LARGEST_ANGLE)
+    rudder, plane = (min(angle, LARGEST_ANGLE) for angle in angles)
     speed = self_propulsion_speed(vehicle, shaft)
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
 
@@ -217,10 +217,11 @@ def ordered(
     found: dict[str, Manoeuvre] = {}
     for text in texts:
         order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
-        if not table and not has_rudder(model.vehicle):
+        if not table and not steers(model.vehicle):
+            ship = model.vehicle
             raise ManoeuvreError(
-                f"{text}: {model.vehicle.name} has no rudder delta_r; order its actuators by a table "
-                f"({table_of(model.vehicle)})"
+                f"{text}: {ship.name} {without_rudder(ship)}; order its actuators by a table "
+                f"({table_of(ship)})"
             )
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order
     return found

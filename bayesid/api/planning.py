@@ -19,7 +19,7 @@ from bayesid.errors import ManoeuvreError, TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.sufficient import has_rudder, without_rudder
+from bayesid.model.vehicles.orders import rudder_limits, steers, without_rudder
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
 from bayesid.trials.bundle import builtin_trials
@@ -63,7 +63,7 @@ def require_rudder(vehicle: Vehicle, done: str) -> None:
     ManoeuvreError
         a vehicle without a rudder
     """
-    if not has_rudder(vehicle):
+    if not steers(vehicle):
         raise ManoeuvreError(
             f"{vehicle.name} {without_rudder(vehicle)}: manoeuvres are {done} for rudder, plane and shaft; "
             f"order its actuators by tables of your own ({table_of(vehicle)}), each alone and against the "
@@ -144,5 +144,6 @@ def reference_scale(model: Model) -> Scale:
     if not model.vehicle.rpm_ref:
         raise VehicleError(f"{model.vehicle.name}: names no usual shaft speed to start a manoeuvre from")
     length, speed = model.scales["L"], model.scales["U"]
-    rudder, plane = (min(model.vehicle.limits.get(fin, 0.61), 0.61) for fin in ("delta_r", "delta_s"))
+    angles = rudder_limits(model.vehicle)[0], model.vehicle.limits.get("delta_s", 0.61)
+    rudder, plane = (min(angle, 0.61) for angle in angles)
     return Scale(length, speed, model.vehicle.rpm_ref, rudder, plane, model.dof, length / speed / 20)

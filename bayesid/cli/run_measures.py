@@ -3,7 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bayesid.model.vehicles import Vehicle
+    from bayesid.trials import Run
+
+
+def measured_channels(run: Run, vehicle: Vehicle | None) -> Mapping[str, np.ndarray]:
+    """What `named_measures` reads of a run: its data, and the ordered angles, else the measured ones.
+
+    Parameters
+    ----------
+    vehicle : the vehicle of the run, whose named rudders count as one; None where that is not known
+    """
+    from bayesid.model.vehicles.orders import gathered
+
+    orders, positions = dict(run.commands), dict(run.measured_inputs)
+    if vehicle is not None:
+        orders, positions = gathered(vehicle, orders), gathered(vehicle, positions, "")
+    return {**run.data, **positions, **{name.removesuffix("_cmd"): one for name, one in orders.items()}}
 
 
 def print_measures(measured: list[dict[str, Any]], length: float | None = None) -> None:

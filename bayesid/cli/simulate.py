@@ -12,6 +12,7 @@ from bayesid.cli.options import Json, Out, Quiet, Seed, Verbose
 if TYPE_CHECKING:
     import numpy as np
 
+    from bayesid.model.vehicles import Vehicle
     from bayesid.trials import Run
 
 Orders = Annotated[
@@ -77,7 +78,7 @@ def simulate(
     trial = simulate_model(
         model, vehicle, tuple(manoeuvres), dt, rpm, changes_of(change), noise_of(noise), seed, holdout or ()
     )
-    results = {run.name: _summary(run) for run in trial.runs}
+    results = {run.name: _summary(run, found) for run in trial.runs}
     if out is not None:
         write_trial(trial, out)
     if as_json:
@@ -96,10 +97,11 @@ def simulate(
         print_text(f"trial bundle: {out / 'trial.toml'}")
 
 
-def _summary(run: Run) -> dict[str, Any]:
+def _summary(run: Run, vehicle: Vehicle) -> dict[str, Any]:
+    from bayesid.cli.run_measures import measured_channels
     from bayesid.measures import named_measures
 
-    channels = {**run.data, **{name.removesuffix("_cmd"): values for name, values in run.commands.items()}}
+    channels = measured_channels(run, vehicle)
     speed = _speed(run)
     return {
         "manoeuvre": run.manoeuvre,

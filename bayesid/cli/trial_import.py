@@ -283,7 +283,7 @@ def _steered_by(vehicle: str | None) -> tuple[str, ...]:
     if vehicle is None:
         return ()
     from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.sufficient import has_rudder
+    from bayesid.model.vehicles.orders import has_rudder
 
     ship = load_vehicle(vehicle)
     return () if has_rudder(ship) else tuple(s for a in ship.actuators for s in a.signals)

@@ -93,13 +93,13 @@ def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
     from bayesid.errors import BayesidError
     from bayesid.manoeuvres import Scale, parse
     from bayesid.measures import named_measures as measure
-    from bayesid.model.vehicles.sufficient import has_rudder
+    from bayesid.model.vehicles.orders import rudder_limits, steers
     from bayesid.simulation import run_manoeuvre, steady_start
 
     found: list[dict[str, Any]] = []
-    if not has_rudder(vehicle):
+    if not steers(vehicle):
         return found
-    limit = vehicle.limits.get("delta_r", float("inf"))
+    limit = rudder_limits(vehicle)[0]
     for text, angle in (("turn:20,side=starboard", 20), ("zigzag:10/10", 10), ("zigzag:20/20", 20)):
         if text.startswith("zigzag") and limit < angle * DEG * (1 - 1e-9):
             continue

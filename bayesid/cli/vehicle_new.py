@@ -187,8 +187,8 @@ def _say(target: Path, made: NewVehicle, verbose: bool) -> None:
     from bayesid.model.vehicles import load_vehicle
     from bayesid.model.vehicles.check import check_vehicle
     from bayesid.model.vehicles.new import stable_share
+    from bayesid.model.vehicles.orders import steers
     from bayesid.model.vehicles.stability import stability
-    from bayesid.model.vehicles.sufficient import has_rudder
 
     vehicle = load_vehicle(target)
     print_text(f"{vehicle.name} written to {target}: {len(vehicle.coef)} coefficients, L {vehicle.L:.4g} m, "
@@ -201,7 +201,7 @@ def _say(target: Path, made: NewVehicle, verbose: bool) -> None:
             "stable"
             if (straight.G_H or 0.0) > 0.0
             else "unstable: it turns by itself "
-            + ("with the rudder amidships" if has_rudder(vehicle) else "with equal thrusts to both sides")
+            + ("with the rudder amidships" if steers(vehicle) else "with equal thrusts to both sides")
         )
         share = stable_share(vehicle)
         odds = "" if share is None else f"; {100.0 * share:.0f} % of the vehicles within [prior] are stable"

@@ -21,7 +21,7 @@ from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import effect_prior
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.manoeuvres import LIBRARY, Manoeuvre, library, order_words
-from bayesid.model.vehicles.sufficient import has_rudder
+from bayesid.model.vehicles.orders import rudder_limits, steers
 from bayesid.simulation import plan_run, run_manoeuvre, steady_start, with_own_states
 
 MOST_LENGTHS = 60.0
@@ -55,12 +55,12 @@ def propose(
     size : of the effects, in prior standard deviations
     """
     model = problem.model
-    if not has_rudder(model.vehicle):
+    if not steers(model.vehicle):
         return ()
     chosen = [n for n in names if n in bank.effects]
     now = worst_margin(bank, chosen, size)
     rpm = model.vehicle.rpm_ref or 1.0
-    limit = float(min(model.nominal[model.index["limit_r"]], 0.6))
+    limit = min(rudder_limits(model.vehicle)[0], 0.6)
     out = []
     try:
         executed = library(model.scales["L"], model.scales["U"], rpm, limit, dof=model.dof)

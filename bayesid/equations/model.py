@@ -23,7 +23,7 @@ from bayesid.model.effects.named import named_effects
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
-from bayesid.model.vehicles.sufficient import missing_actuators
+from bayesid.model.vehicles.orders import missing_actuators
 
 _UNLIMITED_RATE = 1e6
 _UNLIMITED_ANGLE = 10.0

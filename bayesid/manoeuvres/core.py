@@ -157,6 +157,13 @@ def grid(duration: float, dt: float) -> np.ndarray:
     return np.arange(int(round(duration / dt, 9)) + 1) * dt
 
 
+def first_orders(manoeuvre: Manoeuvre) -> dict[str, float]:
+    """What is ordered as the run begins: channel -> number [rad, rpm]."""
+    if isinstance(manoeuvre, OpenLoop):
+        return {channel: float(values[0]) for channel, values in manoeuvre.commands.items()}
+    return dict(manoeuvre.start)
+
+
 def held(manoeuvre: OpenLoop, t: np.ndarray) -> dict[str, np.ndarray]:
     """Commands at any times t [s] under zero-order hold; the first and last rows extend outwards."""
     row = np.clip(np.searchsorted(manoeuvre.t, np.asarray(t, float), side="right") - 1, 0, None)

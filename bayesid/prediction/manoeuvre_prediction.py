@@ -6,7 +6,6 @@ Takes a `DiagnosedModel` and a manoeuvre, open or closed loop. Gives a frozen `P
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.run_data import Array
-from bayesid.manoeuvres import Manoeuvre, OpenLoop
+from bayesid.manoeuvres import Manoeuvre, OpenLoop, first_orders
 from bayesid.model.notation import ORDER_TIMES
 from bayesid.prediction.draws import centres_of, disturbed, estimate_of, require_enough, slow_errors
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise
@@ -32,7 +31,7 @@ def predict_manoeuvre(
     seed: int = 0,
     speed: float | None = None,
 ) -> Prediction:
-    """Predict a manoeuvre begun from a straight run at its first shaft speed, heading north, at the origin.
+    """Predict a manoeuvre begun from a straight run at its first shaft speeds, heading north, at the origin.
 
     Parameters
     ----------
@@ -46,15 +45,14 @@ def predict_manoeuvre(
     model, rng = found.model, np.random.default_rng(seed)
     channels = tuple(c for c in model.kernel.channels if not c.endswith("_water"))
     picked = [model.kernel.channels.index(c) for c in channels]
-    rpm = _first_rpm(model, manoeuvre)
-    manoeuvre = ordered_with_shaft_speed(manoeuvre, rpm)
+    manoeuvre, first = _begun(model, manoeuvre)
     kept: list[Array] = []
     ordered: list[Mapping[str, Array]] = []
     whole: list[int] = []
     number = -1
     t = np.asarray(manoeuvre.t)
     for h, pars in found.draw(rng, draws):
-        speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, rpm)
+        speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, first)
         for par, u in zip(pars, speeds, strict=True):
             number += 1
             executed = _simulated(model, par, manoeuvre, float(u), h, picked, rng)
@@ -72,14 +70,14 @@ def predict_manoeuvre(
     orders = {name: np.array([one[name] for one in ordered]) for name in ordered[0]} if closed else None
 
     def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, Mapping[str, Array] | None] | None:
-        made = _undisturbed_manoeuvre(model, par, manoeuvre, speed, rpm, picked, t.size)
+        made = _undisturbed_manoeuvre(model, par, manoeuvre, speed, first, picked, t.size)
         return None if made is None else (made[0], made[1] if closed else None)
 
     given, given_orders = undisturbed(model.nominal, found.hypotheses[0].noise_model) or (None, None)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
-    first = {n: v for n, v in ordered[0].items() if n != ORDER_TIMES}
+    commands = {n: v for n, v in ordered[0].items() if n != ORDER_TIMES}
     return Prediction(
-        name, manoeuvre.name, t, channels, np.array(kept), first, orders, 0.0,
+        name, manoeuvre.name, t, channels, np.array(kept), commands, orders, 0.0,
         draws - len(kept), noise, given, given_orders, np.array(whole, dtype=np.int64),
         centres=centres_of(found, undisturbed), estimate=estimate_of(found, undisturbed),
     ).about_estimate()  # fmt: skip
@@ -90,13 +88,13 @@ def _undisturbed_manoeuvre(
     par: Array,
     manoeuvre: Manoeuvre,
     speed: float | None,
-    rpm: float,
+    first: Mapping[str, float],
     picked: list[int],
     n: int,
 ) -> tuple[Array, Mapping[str, Array]] | None:
     """Readings (n, q) of one vehicle without disturbance, and its orders, (n,) each."""
     try:
-        begin = speed if speed is not None else float(balanced_speed(model, par[None], rpm)[0])
+        begin = speed if speed is not None else float(balanced_speed(model, par[None], first)[0])
         x0 = np.zeros(len(model.states))
         x0[model.states.index("u")] = begin
         track, commands = run_manoeuvre(model, par, manoeuvre, carried_by_water(model, par, x0), exact=True)
@@ -142,8 +140,8 @@ def _fresh_drift(noise_model: NoiseModel, t: Array, slow: Array, rng: np.random.
     return drift - drift[0]
 
 
-def _first_rpm(model: Model, manoeuvre: Any) -> float:
+def _begun(model: Model, manoeuvre: Manoeuvre) -> tuple[Manoeuvre, dict[str, float]]:
+    """The manoeuvre with a shaft speed, and the orders it begins with."""
     usual = model.vehicle.rpm_ref or 0.0
-    if isinstance(manoeuvre, OpenLoop):
-        return float(manoeuvre.commands["n_cmd"][0]) if "n_cmd" in manoeuvre.commands else usual
-    return float(manoeuvre.start.get("n_cmd", usual))
+    manoeuvre = ordered_with_shaft_speed(manoeuvre, usual)
+    return manoeuvre, {"n_cmd": usual, **first_orders(manoeuvre)}

@@ -17,6 +17,7 @@ from bayesid.estimation.filter_error.followed import followed
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.run_data import Array, RunData
+from bayesid.model.vehicles.orders import gathered
 from bayesid.prediction.draws import (
     MOST_DIVERGED,
     centres_of,
@@ -118,7 +119,8 @@ def predict_run(
     whole = np.array([k for k, x in enumerate(tracks) if x is not None])
     require_enough(run.name, len(kept), draws, most_diverged)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
-    commands = {**run.commands, **run.measured_inputs}
+    measured = gathered(model.vehicle, run.measured_inputs, "")
+    commands = {**gathered(model.vehicle, run.commands), **measured}
     lost = draws - len(kept)
 
     def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, None] | None:

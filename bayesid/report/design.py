@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.analysis.design import ManoeuvrePlan
 from bayesid.analysis.design.compare import PlanningCase
+from bayesid.model.vehicles.orders import rudder_limits, rudders_together
 from bayesid.report import design_first_screen as screen
 from bayesid.report import manoeuvre_figures as figures
 from bayesid.report import writer
@@ -66,17 +67,25 @@ def candidate_rows(plan: ManoeuvrePlan) -> list[list[Any]]:
     return [[c.name, c.kind, c.shown, plan.before] for c in plan.candidates]
 
 
+def _sense(case: PlanningCase) -> str:
+    """Which way a positive rudder turns."""
+    turns = {sign > 0.0 for sign in rudders_together(case.model.vehicle).values()} or {True}
+    if len(turns) > 1:
+        return "a positive rudder pushes along its direction in the vehicle file."
+    return f"positive rudder turns to {'port' if turns == {True} else 'starboard'}."
+
+
 def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], table: str) -> Report:
     """The report of a plan as plain data; `table` is the name of the command table beside it."""
     lead = " ".join(
         [f"**{literal(screen.headline(case, plan, table))}**", *map(literal, screen.cautions(plan))]
     )
     b = case.bounds
-    stated = "delta_r" in case.model.vehicle.rates
+    stated = math.isfinite(rudder_limits(case.model.vehicle)[1])
     rate = f"The rudder moves at most {math.degrees(b.rate):.3g} deg/s. " if stated else ""
     orders: list[Block] = [
         Text(
-            f"`{table}` is the command table; positive rudder turns to port. {rate}The shaft stays within "
+            f"`{table}` is the command table; {_sense(case)} {rate}The shaft stays within "
             f"{b.rpm[0]:.4g} to {b.rpm[1]:.4g} rpm. "
             f"Goal: {literal(plan.goal)}."
         ),

@@ -21,7 +21,7 @@ from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.measures.angle_errors import turns_note
 from bayesid.model.terms import TERMS, term
-from bayesid.model.vehicles.sufficient import has_rudder
+from bayesid.model.vehicles.orders import rudder_limits, steers
 from bayesid.places import NOWHERE, Places
 from bayesid.prediction.draws import MOST_DIVERGED
 from bayesid.prediction.fitted_model import Calibration
@@ -158,9 +158,9 @@ def next_steps(
 
 def _example(found: TrialFit) -> str:
     """A turn the vehicle can make, or a run of the trial where it has no rudder."""
-    if not has_rudder(found.vehicle):
+    if not steers(found.vehicle):
         return found.trial.runs[0].name
-    most = math.degrees(found.vehicle.limits.get("delta_r", math.inf))
+    most = math.degrees(rudder_limits(found.vehicle)[0])
     return f"turn:{math.floor(min(USUAL_TURN, most))}" if most >= 1.0 else f"turn:{most:.6g}"
 
 

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from bayesid.equations.model import Model
 from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.model.vehicles.orders import gathered, spread
 from bayesid.simulation.prepare import (
     NO_TRACE,
     check_parameters,
@@ -54,8 +55,9 @@ def run_manoeuvre(
 
     Returns
     -------
-    Track at the manoeuvre's own samples, and the commands given, "delta_r_cmd" [rad], "n_cmd" [rpm] ...; with
-    `exact` also `ORDER_TIMES`, since when the commands of a sample are given [s]
+    Track at the manoeuvre's own samples, and the commands given, "delta_r_cmd" [rad], "n_cmd" [rpm] ...; of
+    a vehicle with named rudders or shafts in their place theirs, and these two as their mean; with `exact`
+    also `ORDER_TIMES`, since when the commands of a sample are given [s]
 
     Raises
     ------
@@ -65,7 +67,8 @@ def run_manoeuvre(
     if hasattr(manoeuvre, "commands"):
         plan = plan_run(model, manoeuvre.t, manoeuvre.commands, max_step=max_step)
         plan = plan if disturb is None else disturb(plan)
-        return simulate(model, par, plan, x0), dict(manoeuvre.commands)
+        orders = spread(model.vehicle, manoeuvre.commands)
+        return simulate(model, par, plan, x0), gathered(model.vehicle, orders)
     count = round(manoeuvre.duration / manoeuvre.dt)
     t = np.arange(count + 1) * manoeuvre.dt
     if max_step is None:  # where fins will move is not known yet
@@ -80,7 +83,7 @@ def run_manoeuvre(
     out, act = np.empty((count + 1, x.size)), np.zeros((plan.steps.size, len(names)))
     out[0] = x
     for i in range(count):
-        given[i] = row = _row(decide(t[i], _twelve(model, x)), names)
+        given[i] = row = _row(model, decide(t[i], _twelve(model, x)))
         reached = loop.over(i, x, row)
         if past is not None and past(t[i + 1], _twelve(model, reached.x)) > 0.0:
 
@@ -91,7 +94,7 @@ def run_manoeuvre(
             if due < t[i + 1]:
                 reached = loop.over(i, x, row, end=due)
                 loop.keep(reached, act)
-                row = _row(decide(due, _twelve(model, reached.x)), names)
+                row = _row(model, decide(due, _twelve(model, reached.x)))
                 given[i + 1], since[i + 1] = row, due
                 reached = loop.over(i, reached.x, row, begin=due)
         loop.keep(reached, act)
@@ -237,8 +240,9 @@ def carried_by_water(model: Model, par: Array, x0: Array) -> Array:
     return out
 
 
-def _row(given: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    return np.array([float(given.get(f"{n}_cmd", given.get(n, 0.0))) for n in names])
+def _row(model: Model, given: Mapping[str, float]) -> Array:
+    orders = spread(model.vehicle, given)
+    return np.array([float(orders.get(f"{n}_cmd", orders.get(n, 0.0))) for n in model.kernel.actuators])
 
 
 def _twelve(model: Model, x: Array) -> Array:

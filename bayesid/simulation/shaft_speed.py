@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.sufficient import has_propeller
+from bayesid.model.vehicles.orders import has_propeller
 from bayesid.trials import Trial
 
 SAID = "no run logs the shaft speed"

@@ -17,6 +17,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.model.actuators import UNLIMITED
 from bayesid.model.channels import channel
+from bayesid.model.vehicles.orders import spread
 
 Array = np.ndarray
 
@@ -85,7 +86,8 @@ def plan_run(
     model : Model
     t : (n,) sample times [s], increasing, not necessarily regular
     inputs : commands "delta_r_cmd" [rad], "n_cmd" [rpm] ... at the samples, held until the next; missing
-        ones are 0, names the model does not read are left out
+        ones are 0, names the model does not read are left out. Those of rudder and shaft order the named
+        rudders and shafts of a vehicle that has them in their place
     measured : actuator positions "delta_r", "n" ... at the samples, linear in between; they replace the
         command and lift the vehicle's own rate and angle limits
     exogenous : "wind_speed" [m/s] and "wind_from" [rad]
@@ -103,6 +105,7 @@ def plan_run(
     """
     t = _sample_times(t)
     names = model.kernel.actuators
+    inputs = spread(model.vehicle, inputs, measured)
     measured = {k: v for k, v in (measured or {}).items() if k in names}
     levels = np.zeros((t.size, len(names)))
     moving, servos = np.zeros(t.size - 1), model.kernel.spec.servos

@@ -16,6 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
+from bayesid.model.vehicles.orders import own_orders
 from bayesid.simulation.closed_loop import carried_by_water, run_manoeuvre, steady_start
 from bayesid.simulation.sensors import observe
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
@@ -74,7 +75,8 @@ def virtual_run(
     if rng is not None:
         for channel in names:  # in the order of the model: a seed means the same whatever the order given
             data[channel] += noise.get(channel, 0.0) * rng.standard_normal(track.t.size)
-    return Run(name, description or manoeuvre.name, role, track.t, data, commands)
+    orders = own_orders(model.vehicle, commands)
+    return Run(name, description or manoeuvre.name, role, track.t, data, orders)
 
 
 def virtual_trial(

@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ManoeuvreError, ModelError, raise_all
 from bayesid.manoeuvres import REGISTRY, Manoeuvre, Scale, parse
+from bayesid.model.vehicles.orders import rudder_limits
 from bayesid.simulation import Track
 
 Array = np.ndarray
@@ -96,10 +97,11 @@ def limits(
     usual = vehicle.rpm_ref or 0.0
     if not usual:
         problems.append("it names no usual shaft speed, so no straight run to start from")
+    angle, own_rate = rudder_limits(vehicle)
     able = {
-        "rudder": min(vehicle.limits.get("delta_r", LARGEST_ANGLE), LARGEST_ANGLE),
+        "rudder": min(angle, LARGEST_ANGLE),
         "plane": min(vehicle.limits.get("delta_s", LARGEST_ANGLE), LARGEST_ANGLE) if model.dof == 6 else 0.0,
-        "rate": min(vehicle.rates.get("delta_r", math.inf), 10.0 * LARGEST_ANGLE * speed / length),
+        "rate": min(own_rate, 10.0 * LARGEST_ANGLE * speed / length),
     }
     asked = {"rudder": rudder, "plane": plane, "rate": rate}
     for name, value in asked.items():

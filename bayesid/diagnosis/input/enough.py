@@ -12,7 +12,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.model.channels import ACTUATORS
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.sufficient import has_propeller
+from bayesid.model.vehicles.orders import has_propeller
 from bayesid.simulation import shaft_speed_words
 from bayesid.trials import Run, Trial
 

@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.model.vehicles.sufficient import missing_actuators, named_rudders
+from bayesid.model.vehicles.orders import missing_actuators, named_rudders, side_of
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction
@@ -30,7 +30,6 @@ SPEED_SD = 0.2  # of the logarithm of speed over self-propulsion speed
 GAIN_SD = 0.4  # of the logarithm of turn over simulated turn
 TAIL = 2.0  # standard deviations from which on the log density falls linearly
 WRONG_SIDE = -12.0  # nats of a vehicle that turns away from where it is steered
-NEAR_CENTRE = 0.05  # of the length, from which on a fin has an arm that turns the vehicle
 SURE_SIDE = 3.0  # standard deviations of a gain that is surely on one side
 PIECES, PIECE = 12, 4.0  # of a run; length of a piece in L/U
 LAST = 1 / 3  # of a run, its end
@@ -125,12 +124,8 @@ def steering(model: Model) -> tuple[str, ...]:
 def _with_rudder(model: Model, run: Run, fins: Sequence[str]) -> Run:
     """The run with named fins as one rudder, positive to port: their mean, each as it turns the vehicle; one
     near the centre, which hardly turns it, is left out."""
-    arm = {f"delta_{fin.name}": fin.at[0] * fin.direction[1] for fin in model.vehicle.fins}
-    orders = [
-        -math.copysign(1.0, arm[fin]) * order
-        for fin in fins
-        if abs(arm[fin]) > NEAR_CENTRE * model.scales["L"] and (order := run.input(fin)) is not None
-    ]
+    side = {f"delta_{fin.name}": side_of(fin, model.scales["L"]) for fin in model.vehicle.fins}
+    orders = [side[fin] * order for fin in fins if side.get(fin) and (order := run.input(fin)) is not None]
     if not orders:
         return run
     return replace(run, commands={**run.commands, "delta_r_cmd": np.mean(orders, axis=0)})

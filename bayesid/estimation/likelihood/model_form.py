@@ -35,7 +35,7 @@ from bayesid.estimation.likelihood.posterior import (
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.model.params import Parameter, ParameterSet, Prior
 from bayesid.model.terms import Term, term
-from bayesid.model.vehicles.sufficient import missing_actuators
+from bayesid.model.vehicles.orders import missing_actuators
 
 Array = np.ndarray
 SCALE = 1e-3  # of the unknowns: one for all sizes, so that densities of scores compare

@@ -57,7 +57,7 @@ def self_propulsion_speed(vehicle: Vehicle, rpm: float) -> float:
     def ahead(u: float) -> float:
         """Of thrusters that push ahead, all at these revolutions."""
         out = 0.0
-        for t in (t for t in vehicle.thrusters if t.direction[0] > 0.5):
+        for t in vehicle.main_shafts:
             m = min(max(rpm - t.dead_band, 0.0), t.limit)
             out += t.direction[0] * (t.T_nn * m + t.T_un * t.direction[0] * u) * m
         return out

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 
 from bayesid.errors import VehicleError
-from bayesid.model.propulsion import MODELS, propulsion_rows
+from bayesid.model.vehicles.orders import has_rows, rudder_limits, rudders_together, steers, without_rudder
 from bayesid.model.vehicles.stability import usual_speed
 from bayesid.model.vehicles.vehicle import ASSUMED_RELATIVE_SD, Vehicle
-from bayesid.words import and_list, first_few
+from bayesid.words import first_few
 
 COMMANDS = ("simulate", "fit", "diagnose", "design")
 
@@ -37,7 +37,7 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
         if vehicle.rpm_ref is not None:
             say(str(error).partition(": ")[2], *COMMANDS)
     for axis, moment, fin, plane in (("Y", "N", "dr", "rudder"), ("Z", "M", "ds", "stern plane")):
-        if (plane == "stern plane" and vehicle.planar_only) or not _has_rows(vehicle, fin):
+        if (plane == "stern plane" and vehicle.planar_only) or not has_rows(vehicle, fin):
             continue
         if not coef.get(f"{moment}_{fin}"):
             what = f"{moment}_{fin} is missing: the {plane} does not turn the vehicle"
@@ -60,58 +60,15 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
             f"{100 * ASSUMED_RELATIVE_SD:.0f} % is assumed (--prior, or relative_sd in [prior])"
         )
         say(what, "fit", "diagnose", "design")
-    if not has_rudder(vehicle):
+    if not steers(vehicle):
         what = f"it {without_rudder(vehicle)}: order its actuators by tables of your own"
         say(f"{what}, design has none for them", "design")
         return found
-    if not math.isfinite(vehicle.limits.get("delta_r", math.inf)):
-        say(
-            "no largest rudder angle: give dr_max_deg in [control], else 35 deg is taken",
-            "design",
-        )
-    if not math.isfinite(vehicle.rates.get("delta_r", math.inf)):
-        say("no rudder rate: give rate_deg_s in [control], else the rudder jumps", "simulate", "diagnose")
+    (angle, rate), named = rudder_limits(vehicle), rudders_together(vehicle)
+    table = f"[actuators.{next(iter(named)).removeprefix('delta_')}]" if named else "[control]"
+    if not math.isfinite(angle):
+        key = "max_deg" if named else "dr_max_deg"
+        say(f"no largest rudder angle: give {key} in {table}, else 35 deg is taken", "design")
+    if not math.isfinite(rate):
+        say(f"no rudder rate: give rate_deg_s in {table}, else the rudder jumps", "simulate", "diagnose")
     return found
-
-
-def has_rudder(vehicle: Vehicle) -> bool:
-    """Whether `delta_r` turns it; one with actuators of its own has none unless its file gives rows of it."""
-    return not vehicle.actuators or any(name.endswith("dr") for name in vehicle.coef)
-
-
-def named_rudders(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the fins of [actuators.NAME] that push sideways."""
-    return tuple(fin.name for fin in vehicle.fins if abs(fin.direction[1]) > abs(fin.direction[2]))
-
-
-def without_rudder(vehicle: Vehicle) -> str:
-    """What a vehicle of which `has_rudder` is false has in its place; stands after its name."""
-    names = named_rudders(vehicle)
-    if not names:
-        return "has no rudder"
-    if len(names) == 1:
-        return f"has no rudder delta_r, its rudder {names[0]} has orders of its own"
-    return f"has no rudder delta_r, its rudders {and_list(names)} have orders of their own"
-
-
-def has_propeller(vehicle: Vehicle) -> bool:
-    """Whether any force of the file depends on the shaft speed n; thrusters have their own."""
-    p = vehicle.propulsion
-    rows = propulsion_rows(p.model, p.values, vehicle.rho, vehicle.L)
-    return MODELS[p.model].rows is None or any(v for k, v in rows.items() if "n" in k[7:])
-
-
-def missing_actuators(vehicle: Vehicle) -> set[str]:
-    """Of "delta_r", "delta_s", "n", what a vehicle with actuators of its own does not have."""
-    if not vehicle.actuators:
-        return set()
-    there = {"delta_r": has_rudder(vehicle), "delta_s": _has_rows(vehicle, "ds"), "n": has_propeller(vehicle)}
-    return {name for name, has in there.items() if not has}
-
-
-def _has_rows(vehicle: Vehicle, fin: str) -> bool:
-    """Whether the file should hold rows of a fin: a rudder in a race has numbers, named ones need none."""
-    mmg = vehicle.propulsion is not None and vehicle.propulsion.model == "mmg"
-    return not (mmg and fin == "dr") and (
-        not vehicle.actuators or any(name.endswith(fin) for name in vehicle.coef)
-    )

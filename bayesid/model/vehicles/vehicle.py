@@ -128,6 +128,11 @@ class Vehicle:
         return (*self.thrusters, *self.fins)
 
     @property
+    def main_shafts(self) -> tuple[Pusher, ...]:
+        """Named thrusters that push ahead."""
+        return tuple(thruster for thruster in self.thrusters if thruster.direction[0] > 0.5)
+
+    @property
     def rpm_ref(self) -> float | None:
         return self.propulsion.rpm_ref
 
