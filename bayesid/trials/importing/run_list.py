@@ -47,7 +47,7 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
                 words = _as_a_whole(look)
                 words = motion_words(look) if words == STRAIGHT else words
             elif main is not None and main.kind == "turn" and _pulled_out(look, main, pieces):
-                words += ", pull-out"
+                words += " and pull-out"
             runs.append(RunMap(_fresh(stem, used), files, None, words))
             continue
         for piece in moving:
