@@ -217,15 +217,19 @@ def _name(draft: Draft, recordings: list[Recording], steering: Steering) -> list
             channels.pop(role, None)
     if "height" in channels and "depth" in channels:
         channels.pop("height")
-    if "u" in channels and "v" not in channels and {"north", "x", "latitude"} & set(channels):
-        name = channels["u"].source
-        if re.search("speed|velocity|geschw", name.lower()) and not re.search(
-            "surge|forward|long", name.lower()
-        ):
+    source = channels["u"].source.lower() if "u" in channels else ""
+    if re.search("speed|velocity|geschw", source) and not re.search("surge|forward|long|ahead|fwd", source):
+        shown = repr(channels["u"].source)
+        if "v" not in channels and {"north", "x", "latitude"} & set(channels):
             channels.pop("u")
             draft.remark(
-                f"speed {name!r} is left out: ahead, along the track or through the water, its name does "
+                f"speed {shown} is left out: ahead, along the track or through the water, its name does "
                 f"not say"
+            )
+        else:
+            draft.remark(
+                f"speed {shown} is taken as u, along the hull and over ground, which its name does not say; "
+                "along the track it is speed_over_ground, through the water u_water"
             )
     for role in ("speed_over_ground", "course"):
         if role in channels and {"north", "x", "latitude"} & set(channels):
