@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from bayesid.trials.importing import LogMap, Proposal
     from bayesid.trials.importing.again import Replaced
+    from bayesid.trials.importing.named_actuators import Steering
     from bayesid.trials.mistakes import InputFinding
 
 ASKED = 3  # exit code: a map was written and asks something
@@ -190,7 +191,7 @@ def _map(
         )
     whole = out.resolve()
     name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
-    proposal = propose(sources, _vehicle(vehicle, out), name, _steered_by(vehicle))
+    proposal = propose(sources, _vehicle(vehicle, out), name, steering=_steered_by(vehicle))
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -278,15 +279,16 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
     print_text(f"Then: {command('trial', 'check', out)}")
 
 
-def _steered_by(vehicle: str | None) -> tuple[str, ...]:
-    """Inputs of a vehicle without a rudder."""
-    if vehicle is None:
-        return ()
+def _steered_by(vehicle: str | None) -> Steering:
+    """What steers a vehicle without a rudder."""
     from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.orders import has_rudder
+    from bayesid.model.vehicles.orders import has_rudder, missing_actuators
+    from bayesid.trials.importing.named_actuators import Steering, side_of
 
-    ship = load_vehicle(vehicle)
-    return () if has_rudder(ship) else tuple(s for a in ship.actuators for s in a.signals)
+    if vehicle is None or has_rudder(ship := load_vehicle(vehicle)):
+        return Steering()
+    across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
+    return Steering(tuple(across), side_of(across), frozenset(missing_actuators(ship)))
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:
@@ -322,10 +324,10 @@ def _say(proposal: Proposal, out: Path, with_questions: bool = True) -> None:
         for role, entry in found.channels.items()
     ]
     print_table(["channel", "read from", "unit", "scale"], rows)
-    print_text(
-        f"\naxes {found.world or 'ned'}, {found.body or 'frd'}; positive rudder turns to "
-        f"{found.rudder_positive}"
-    )
+    named = any(role.startswith("delta_") for role in found.channels)
+    own = not named or {"delta_r", "delta_r_cmd"} & set(found.channels)  # the side is about no other
+    side = f"; positive rudder turns to {found.rudder_positive}" if own else ""
+    print_text(f"\naxes {found.world or 'ned'}, {found.body or 'frd'}{side}")
     kinds: dict[str, int] = {}
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1

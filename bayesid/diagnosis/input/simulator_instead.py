@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, steering
+from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, steering, turn_after
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.simulator.mending import mended_model, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES
@@ -38,6 +38,7 @@ def behaviour_of(model: Model, runs: Sequence[Run], seen: bool = False) -> Vehic
             "turn": needs["turn"] | fins,
             "drift": needs["drift"] | fins,
             "steering": SIGNS["rudder"] | fins,
+            **{turn_after(fin): SIGNS["rudder"] | {fin, f"{fin}_cmd"} for fin in named},
         }
     return VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)), seen, needs, named)
 

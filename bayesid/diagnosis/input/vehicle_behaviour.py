@@ -111,7 +111,18 @@ class VehicleBehaviour:
             if self.steering != ("delta_r",):  # the sign of that one the channels tell by themselves
                 signs = sign_evidence(_with_rudder(self.model, run, self.steering), ("rudder",))
                 out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
+                for (
+                    fin
+                ) in self.steering:  # a reading that contradicts its order: the turn says which is right
+                    if fin in run.measured_inputs and f"{fin}_cmd" in run.commands:
+                        alone = sign_evidence(_with_rudder(self.model, run, (fin,)), ("rudder",))
+                        out |= {turn_after(fin): alone["rudder"]} if "rudder" in alone else {}
         return {k: v for k, v in out.items() if math.isfinite(v)}
+
+
+def turn_after(fin: str) -> str:
+    """What the turn tells of one named fin alone, as a key of what is told."""
+    return f"turn after {fin}"
 
 
 def steering(model: Model) -> tuple[str, ...]:

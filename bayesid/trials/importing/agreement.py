@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesid.errors import BayesidError
+from bayesid.model.channels import channel, is_channel
 from bayesid.trials.assemble import unwrap
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.importing.converting import Recording, at_times, convert
@@ -44,7 +45,7 @@ def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = (
     for name, one in series.items():
         if name.endswith("_cmd"):
             inputs[name] = held(one, t)
-        elif name in ("delta_r", "delta_s", "delta_b", "n"):
+        elif is_channel(name) and channel(name).kind == "actuator":
             inputs[name] = _filled(at_times(one, t))
         else:
             data[name] = at_times(one, t, name in _ANGLES)

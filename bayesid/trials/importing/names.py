@@ -58,9 +58,12 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("qz", r"qz|q z|quat z|quaternion z|orientation z|q3|q 3"),
     ("depth", r"depth|tiefe|immersion|depth m|pressure depth|ctd depth|profondeur"),
     ("height", r"height|gps alt(itude)?|ellipsoid(al)? height|alt|altitude"),
-    ("x", r"x|px|pos x|x pos(ition)?|position x|x 0|x0|pose x|x position mid|loc x|local x|x earth"),
-    ("y", r"y|py|pos y|y pos(ition)?|position y|y0|pose y|y position mid|loc y|local y|y earth"),
-    ("z", r"z|pz|pos z|z pos(ition)?|position z|pose z|loc z|local z"),
+    ("x", r"x|px|pos x|x pos(ition)?|position x|x 0|x0|pose x|x position mid|loc x|local x|x earth|"
+          r"x (basin|tank|pool|lab)|(basin|tank|pool|lab) x"),
+    ("y", r"y|py|pos y|y pos(ition)?|position y|y0|pose y|y position mid|loc y|local y|y earth|"
+          r"y (basin|tank|pool|lab)|(basin|tank|pool|lab) y"),
+    ("z", r"z|pz|pos z|z pos(ition)?|position z|pose z|loc z|local z|"
+          r"z (basin|tank|pool|lab)|(basin|tank|pool|lab) z"),
     ("phi", r"roll|phi|φ|heel|roll angle|rollwinkel"),
     ("theta", r"pitch|theta|θ|trim|pitch angle"),
     ("psi", r"yaw|psi|ψ|yaw angle|psi hat|orientation|gier(winkel)?"),

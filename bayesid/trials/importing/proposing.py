@@ -24,6 +24,7 @@ from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.joining import one_clock
 from bayesid.trials.importing.log_map import ChannelMap, LogMap
 from bayesid.trials.importing.lost_cells import ask_lost_cells
+from bayesid.trials.importing.named_actuators import Steering, all_of_one_kind, named_guess
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
 from bayesid.trials.importing.readers import read_log
@@ -34,13 +35,14 @@ from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.write import toml_text
-from bayesid.words import counted, first_few
+from bayesid.words import and_list, counted, first_few
 
 LOOK = 100_000  # samples per series a proposal looks at
 GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
 FIRST = -1  # weight of a question before all others
 FEWEST_SAMPLES = 10  # of the longest series, below which no column is told
 BY_NAME = 1.0  # score of a series whose name, or the last words of it, tell its role
+NO_STEERING = Steering()
 LARGE = 1_000_000  # samples beyond which a step is proposed
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
@@ -57,13 +59,18 @@ class Proposal:
 
 
 def propose(
-    sources: Sequence[Path], vehicle: str = "", name: str = "", inputs: Sequence[str] = ()
+    sources: Sequence[Path],
+    vehicle: str = "",
+    name: str = "",
+    inputs: Sequence[str] = (),
+    steering: Steering = NO_STEERING,
 ) -> Proposal:
     """A map guessed from names, units and kinematics.
 
     Parameters
     ----------
-    inputs : what the vehicle is steered by where that is no rudder, as "n_port"
+    inputs : what the vehicle is steered by where that is no rudder, as "n_port": asked for
+    steering : the same, for which series are read by the actuators in their names
 
     Raises
     ------
@@ -87,9 +94,9 @@ def propose(
     draft = Draft(found, recordings)
     for weight, text in doubts:
         draft.ask(weight, text)
-    unused = _name(draft, recordings)
+    unused = _name(draft, recordings, steering)
     _drop_constant(draft)
-    _needs(draft, recordings, unused, inputs)
+    _needs(draft, recordings, unused, inputs or steering.inputs)
     _declared_axes(draft, logs)
     if ask_apart(draft):
         pass  # nothing that kinematics says of such a recording is about the channels
@@ -126,7 +133,7 @@ def propose(
     return Proposal(found, tuple(draft.remarks), tuple(unused), looks)
 
 
-def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
+def _name(draft: Draft, recordings: list[Recording], steering: Steering) -> list[str]:
     """Channels by name; the series no role was found for."""
     best: dict[str, list[tuple[float, str, RawChannel, bool | None]]] = {}
     unused: list[str] = []
@@ -144,17 +151,20 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             good = np.isfinite(channel.values)
             known = replace(channel, name=label) if channel.name.lower() in GENERIC else channel
             guess = guess_role(known, label in own) if good.sum() > 3 else None
+            if good.sum() > 3 and label not in own:
+                guess = named_guess(known, steering) or guess
             if guess is None:
                 unused.append(_full(label, channel.name, len(first)))
                 continue
             role = guess.role
-            if role in WITH_ORDER:
+            if role in WITH_ORDER or role in steering.inputs:
                 ordered = guess.ordered
                 if ordered is None:
                     its = [r.logs[label].by_name.get(channel.name) for r in recordings if label in r.logs]
                     ordered = _in_steps([c for c in its if c is not None])
                 role = f"{role}_cmd" if ordered and guess.score < 3.0 else role
             best.setdefault(role, []).append((guess.score, label, channel, guess.ordered))
+    _of_all_alike(draft, best, unused, steering, len(first))
     _one_attitude(best)
     favoured = _favoured(best)
     channels: dict[str, ChannelMap] = {}
@@ -182,7 +192,7 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         elif rivals:
             pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
             passed.setdefault(pair, []).append(role)
-        if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
+        if role.split("_cmd")[0] in (*WITH_ORDER, *steering.inputs) and ordered is None and score < 3.0:
             everywhere = [r.logs[label].by_name.get(channel.name) for r in recordings if label in r.logs]
             moves = _how_it_moves(role, np.concatenate([c.values for c in everywhere if c is not None]))
             draft.remark(f"{channel.name!r} is read as {role}, {moves}")
@@ -207,15 +217,19 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             channels.pop(role, None)
     if "height" in channels and "depth" in channels:
         channels.pop("height")
-    if "u" in channels and "v" not in channels and {"north", "x", "latitude"} & set(channels):
-        name = channels["u"].source
-        if re.search("speed|velocity|geschw", name.lower()) and not re.search(
-            "surge|forward|long", name.lower()
-        ):
+    source = channels["u"].source.lower() if "u" in channels else ""
+    if re.search("speed|velocity|geschw", source) and not re.search("surge|forward|long|ahead|fwd", source):
+        shown = repr(channels["u"].source)
+        if "v" not in channels and {"north", "x", "latitude"} & set(channels):
             channels.pop("u")
             draft.remark(
-                f"speed {name!r} is left out: ahead, along the track or through the water, its name does "
+                f"speed {shown} is left out: ahead, along the track or through the water, its name does "
                 f"not say"
+            )
+        else:
+            draft.remark(
+                f"speed {shown} is taken as u, along the hull and over ground, which its name does not say; "
+                "along the track it is speed_over_ground, through the water u_water"
             )
     for role in ("speed_over_ground", "course"):
         if role in channels and {"north", "x", "latitude"} & set(channels):
@@ -226,6 +240,25 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     draft.map = replace(draft.map, channels=channels)
     read = {entry.source for entry in channels.values()}
     return unused + [name for name in named if name not in read]
+
+
+def _of_all_alike(
+    draft: Draft,
+    best: dict[str, list[tuple[float, str, RawChannel, bool | None]]],
+    unused: list[str],
+    steering: Steering,
+    count: int,
+) -> None:
+    """A rudder or propeller the vehicle does not have: one order of it is that of all its own ones alike."""
+    for role in [r for r in best if r.removesuffix("_cmd") in steering.absent]:
+        found = best.pop(role)
+        free = [name for name in all_of_one_kind(role, steering) if f"{name}_cmd" not in best]
+        if role.endswith("_cmd") and len(found) == 1 and free:
+            best.update({f"{name}_cmd": list(found) for name in free})
+            if len(free) > 1:
+                draft.remark(f"{found[0][2].name!r} is read as the order of {and_list(free)} alike")
+        else:
+            unused += [_full(label, channel.name, count) for _, label, channel, _ in found]
 
 
 def _of_two_shafts(one: RawChannel, other: RawChannel) -> str:

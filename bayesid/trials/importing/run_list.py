@@ -10,13 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesid.model.channels import ACTUATOR_NAMES
 from bayesid.trials.importing.agreement import common_run
 from bayesid.trials.importing.converting import convert
 from bayesid.trials.importing.cutting import Piece, between_runs, classify, cut
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import RunMap
+from bayesid.trials.importing.seen_motion import STRAIGHT, UNSTEERED, motion_words
 from bayesid.trials.trial import Floats, Run
 
+AFTER = 0.25  # of a turn, for which its rudder stays amidships after it in a pull-out
 SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 
 
@@ -38,21 +41,27 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
         moving = [p for p in pieces if p.kind != "rest"]
         whole = (len(moving) <= 1 and len(pieces) <= 2) or (len(groups) > 3 and look.duration < SHORT_LOG)
         if whole and not (moving and between_runs(look.t).any()):
-            words = next((p.words for p in sorted(moving, key=lambda p: -_rank(p))), "")
-            words = _as_a_whole(look) if words == "straight" else words
+            main = min(moving, key=lambda p: -_rank(p), default=None)
+            words = "" if main is None else main.words
+            if main is not None and words == STRAIGHT:
+                words = _as_a_whole(look)
+                words = motion_words(look) if words == STRAIGHT else words
+            elif main is not None and main.kind == "turn" and _pulled_out(look, main, pieces):
+                words += " and pull-out"
             runs.append(RunMap(_fresh(stem, used), files, None, words))
             continue
         for piece in moving:
-            name = re.sub(r"\W+", "_", piece.words)
+            words = motion_words(look, piece.start, piece.end) if piece.words == STRAIGHT else piece.words
+            name = re.sub(r"\W+", "_", words)
             numbered = f"{len(runs) + 1:02d}_{name}"
             window = (round(piece.start - zero, 2), round(piece.end - zero, 2))
-            runs.append(RunMap(_fresh(numbered, used), files, window, piece.words))
+            runs.append(RunMap(_fresh(numbered, used), files, window, words))
     if len(runs) >= 3:
-        last = max(
-            (k for k, run in enumerate(runs) if run.manoeuvre not in ("straight", "")), default=len(runs) - 1
-        )
+        last = max((k for k, run in enumerate(runs) if run.manoeuvre not in UNSTEERED), default=len(runs) - 1)
         runs[last] = replace(runs[last], role="holdout")
-        why = "" if runs[last].manoeuvre in ("straight", "") else " that is not straight"
+        later = any(run.manoeuvre not in (STRAIGHT, "") for run in runs[last + 1 :])
+        which = " that a rudder or plane steers" if later else " that is not straight"
+        why = "" if runs[last].manoeuvre in UNSTEERED else which
         draft.remark(
             f"{runs[last].name} is held out to judge by, as the last run{why}; `role` of the runs in the map "
             "chooses another"
@@ -64,6 +73,13 @@ def _rank(piece: Piece) -> float:
     return (piece.end - piece.start) * (0.1 if piece.kind == "straight" else 1.0)
 
 
+def _pulled_out(look: Run, turn: Piece, pieces: list[Piece]) -> bool:
+    """Whether the vehicle runs on with its rudder amidships for as long as a quarter of its turn."""
+    if any(p.kind != "straight" and p.end > turn.end for p in pieces):
+        return False
+    return float(look.t[-1]) - turn.end > AFTER * (turn.end - turn.start)
+
+
 def _fresh(name: str, used: set[str]) -> str:
     out, k = name, 2
     while out in used:
@@ -73,8 +89,12 @@ def _fresh(name: str, used: set[str]) -> str:
 
 
 def _rudder(look: Run) -> Floats | None:
-    """The rudder of a run, finite throughout; None where it has none."""
+    """The rudder of a run, finite throughout, the liveliest of several; None where it has none."""
     rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
+    if rudder is None:
+        named = (f"delta_{name}" for name in ACTUATOR_NAMES)
+        each = [look.commands.get(f"{one}_cmd", look.measured_inputs.get(one)) for one in named]
+        rudder = max((v for v in each if v is not None), key=lambda v: float(np.ptp(v)), default=None)
     return None if rudder is None or not np.isfinite(rudder).all() else rudder
 
 

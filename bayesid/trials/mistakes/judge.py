@@ -113,6 +113,8 @@ def check_input(
     fin_rates : fin -> largest rate [rad/s], inf where it is not known
     known : what tells a log from its mirror image
     """
+    from bayesid.trials.mistakes.along_track import along_track
+    from bayesid.trials.mistakes.contrary import contrary
     from bayesid.trials.mistakes.frozen import frozen
     from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
@@ -125,7 +127,7 @@ def check_input(
         own = () if behaviour is None else behaviour.mistakes
         asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
-        every += [*ordered(base, fin_rates), *frozen(base)]
+        every += [*ordered(base, fin_rates), *frozen(base), *contrary(base), *along_track(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
