@@ -111,9 +111,8 @@ class VehicleBehaviour:
             if self.steering != ("delta_r",):  # the sign of that one the channels tell by themselves
                 signs = sign_evidence(_with_rudder(self.model, run, self.steering), ("rudder",))
                 out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
-                for (
-                    fin
-                ) in self.steering:  # a reading that contradicts its order: the turn says which is right
+                # of a reading that contradicts its order the turn says which is right
+                for fin in self.steering:
                     if fin in run.measured_inputs and f"{fin}_cmd" in run.commands:
                         alone = sign_evidence(_with_rudder(self.model, run, (fin,)), ("rudder",))
                         out |= {turn_after(fin): alone["rudder"]} if "rudder" in alone else {}

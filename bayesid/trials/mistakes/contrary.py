@@ -20,9 +20,8 @@ from bayesid.trials.trial import Floats, Run
 from bayesid.words import and_list
 
 SURE = 15.0  # nats of one run in which a reading follows its order, or the mirror image of it
-CLEAR = (
-    0.6  # left beside the one, over left beside the other: a rudder that moves half of the time leaves 0.56
-)
+# left beside the one, over left beside the other: a rudder that moves half of the time leaves 0.56
+CLEAR = 0.6
 # rms of an order from which on it is seen: of an angle beside its mean, which may be an offset
 LEAST = {"rad": math.radians(1.0), "rpm": 10.0, "-": 0.1}
 
