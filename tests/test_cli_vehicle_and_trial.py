@@ -86,7 +86,8 @@ def test_vehicle_terms_prints_every_row_of_the_axes_asked_for(capsys):
     assert {row["name"] for row in rows} == {t.name for t in TERMS if not t.is_number}
     some = {row["name"] for row in asked("YN") if row["row"]}
     assert some == {row["name"] for row in rows if row["axis"] in "YN"} and "N_|v|r" in some
-    assert {row["name"] for row in asked("YN") if not row["row"]} == {t.name for t in TERMS if t.is_number}
+    assert {row["axis"] for row in asked("x")} == {"X"}
+    assert {row["name"] for row in asked() if not row["row"]} == {t.name for t in TERMS if t.is_number}
     assert run(["vehicle", "terms", "Y"]) == 0
     said = capsys.readouterr().out
     assert "Y_v|v|" in said and "N_r" not in said

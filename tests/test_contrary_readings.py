@@ -52,6 +52,17 @@ def test_of_a_reading_and_an_order_that_contradict_the_turn_tells_the_wrong_one(
     assert both.name == "sign of delta_r"
 
 
+@pytest.mark.parametrize("right", [1, 2])
+def test_a_reading_reversed_in_some_runs_is_told_of_these_alone(right):
+    good = [
+        followed(w, "delta_r", w.commands["delta_r_cmd"], 1.0, k) for k, w in enumerate(map(weave, (3, 4)))
+    ]
+    spoilt = [replace(r, name=f"spoilt{k}") for k, r in enumerate(of_rudder(-1.0))][: 3 - right]
+    (found,) = check_input([*good[:right], *spoilt]).findings
+    assert found.correction.scale == {"delta_r": -1.0}
+    assert set(found.correction.runs) == {run.name for run in spoilt}
+
+
 @pytest.mark.parametrize("name", ["n_port", "bucket_1", "delta_b"])
 def test_where_no_turn_tells_either_may_be_wrong(name):
     order = {"n_port": 600.0, "bucket_1": 0.8, "delta_b": 0.2}[name] * np.sign(np.sin(0.2 * weave(1).t + 0.1))

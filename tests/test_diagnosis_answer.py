@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     TURNS_BY_ITSELF,
     UNSURE,
 )
-from bayesid.diagnosis.plain_words import in_words, intervals, sentence
+from bayesid.diagnosis.plain_words import in_words, intervals, sentence, size_words
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, StretchFound, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
@@ -657,7 +657,7 @@ def test_which_of_several_and_several_at_once_are_different_sentences(shares, ac
     told = answer(replace(found, effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),))).headline
     assert told.startswith(start) and told.endswith(end)
     # sizes are those of a cause that acts alone
-    sized = "rudder offset of 1.1 degrees to starboard (" in told
+    sized = "; 1.1 degrees to starboard)" in told
     assert sized == start.startswith("These runs cannot tell which it is: ")
 
 
@@ -696,3 +696,13 @@ def test_what_the_explanation_has_beside_the_name_is_told_with_its_probability()
         told = " ".join(answer(replace(sure, unnamed={"actuator_backlash": reason})).certainty)
         assert f"{also} (0.97 that it acts), not named: {words}." in told
     assert "The explanation also has" not in " ".join(answer(RESULT).certainty)
+
+
+def test_a_size_is_told_beside_a_name_where_there_is_one_alone():
+    slow = an_effect("actuator_rate_limit", inverse_rate_excess=(5.0, 0.5))
+    slow = replace(slow, instead={"inverse_rate_r": 14.3})
+    assert size_words(slow) == "3 degrees a second"  # not the limit of the vehicle file beside it
+    several = replace(
+        slow, says="{a:%}, {b:%}", parameters=dict.fromkeys("ab", next(iter(slow.parameters.values())))
+    )
+    assert size_words(several) == ""

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from bayesid.trials.importing import propose
-from bayesid.trials.importing.named_actuators import Steering, named_guess, side_of
+from bayesid.trials.importing.named_actuators import Steering, named_guess, sides_across
 from bayesid.trials.importing.raw import RawChannel
 from bayesid.trials.importing.seen_motion import motion_words
 from bayesid.trials.trial import Run
 from tests.test_trial_import import DEG, _table, motion
 
 ACROSS = {"n_port": -0.17, "n_stbd": 0.17, "delta_1": -0.17, "delta_2": 0.17, "n_bow": 0.0}
-FERRY = Steering(tuple(ACROSS), side_of(ACROSS), frozenset({"delta_r", "delta_s", "n"}))
+TOGETHER = {"delta_r": {"delta_1": 1.0, "delta_2": 1.0}, "n": {"n_port": 1.0, "n_stbd": 1.0}}
+FERRY = Steering(tuple(ACROSS), sides_across(ACROSS), frozenset({"delta_r", "delta_s", "n"}), TOGETHER)
 
 
 @pytest.mark.parametrize(
@@ -34,9 +35,9 @@ def test_a_series_is_of_the_actuator_its_name_says(name, unit, role):
 
 
 def test_a_number_has_a_side_where_it_alone_is_there():
-    assert side_of(ACROSS) == {"delta_1": "port", "delta_2": "stbd"}
+    assert sides_across(ACROSS) == {"delta_1": "port", "delta_2": "stbd"}
     four = {f"delta_{k}": y for k, y in enumerate((-0.1, -0.2, 0.1, 0.0), 1)}
-    assert side_of(four) == {"delta_3": "stbd"}
+    assert sides_across(four) == {"delta_3": "stbd"}
 
 
 def columns_of(truth) -> dict[str, np.ndarray]:

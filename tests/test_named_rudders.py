@@ -180,7 +180,10 @@ def test_a_vehicle_with_two_rudders_that_are_not_alike_is_not_said_to_have_none(
     with pytest.raises(ManoeuvreError, match=r"columns t\[s\], n_3_cmd\[rpm\], delta_1_cmd") as said:
         bayesid.design(ship, quick=True)
     for text in (design, str(said.value)):
-        assert "has no rudder delta_r, its rudders 1 and 2 are not alike and have orders of their own" in text
+        assert (
+            "has no rudder delta_r, its rudders 1 and 2 are not all alike and have orders of their own"
+            in text
+        )
     # what its table orders, its table can order
     columns = str(said.value).partition("columns ")[2].partition(")")[0].split(", ")
     (tmp_path / "orders.csv").write_text(f"{','.join(columns)}\n0,600,0,0\n20,600,10,10\n40,600,0,0\n")

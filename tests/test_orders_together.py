@@ -149,8 +149,9 @@ def test_orders_of_rudder_and_shaft_are_those_of_each_and_back(ferry):
 
 def test_a_rudder_ordered_by_its_own_name_is_ordered_alone(ferry):
     both = {"delta_r_cmd": 0.1, "delta_1_cmd": 0.2}
-    assert spread(ferry, both) == both
-    assert spread(ferry, {"delta_r_cmd": 0.1}, {"delta_2": 0.3}) == {"delta_r_cmd": 0.1}
+    assert spread(ferry, both) == both | {"delta_2_cmd": 0.1}
+    assert spread(ferry, {"delta_r_cmd": 0.1}, {"delta_2": 0.3}) == {"delta_r_cmd": 0.1, "delta_1_cmd": 0.1}
+    assert own_orders(ferry, both) == {"delta_1_cmd": 0.2, "delta_2_cmd": 0.1}
     model = build_model(ferry, 3)
     t = np.arange(0.0, 20.0, 0.5)
     alone, joint = (
@@ -223,6 +224,18 @@ def test_what_does_not_push_ahead_leaves_a_vehicle_at_rest(ferry):
         balanced_speed(model, model.nominal, astern)
 
 
+def test_a_thruster_that_turns_round_is_no_main_shaft_beside_shafts_that_do_not(tmp_path):
+    azimuth = (
+        '[actuators.bow]\nkind = "azimuth"\nat = [4.0, 0.0, 0.0]\ndirection = [1.0, 0.0, 0.0]\nT_nn = 0.001\n'
+    )
+    text = FERRY.replace("[actuators.1]", azimuth + "[actuators.1]", 1)
+    (tmp_path / "ship.toml").write_text(text)
+    ship = load_vehicle(tmp_path / "ship.toml")
+    assert shafts_together(ship) == ("n_port", "n_stbd")
+    orders = spread(ship, {"n_cmd": 600.0, "n_bow_cmd": 300.0})
+    assert orders["n_port_cmd"] == orders["n_stbd_cmd"] == 600.0 and orders["n_bow_cmd"] == 300.0
+
+
 def test_rudders_that_are_not_alike_are_not_ordered_together(ferry):
     one, two = ferry.fins
     odd = replace(ferry, fins=(one, replace(two, F_uu=2.0 * two.F_uu)))
@@ -234,7 +247,7 @@ def test_rudders_that_are_not_alike_are_not_ordered_together(ferry):
     assert set(rudders_together(replace(ferry, fins=(one, two, centre)))) == {"delta_1", "delta_2"}
     level = replace(one, direction=(0.0, 0.0, 1.0))
     assert rudders_together(replace(ferry, fins=(level, replace(level, name="2")))) == {}
-    with pytest.raises(ManoeuvreError, match=r"rudders 1 and 2 are not alike.*delta_1_cmd"):
+    with pytest.raises(ManoeuvreError, match=r"rudders 1 and 2 are not all alike.*delta_1_cmd"):
         bayesid.simulate(odd, "turn:20")
     with pytest.raises(ManoeuvreError, match="has no rudder; order its actuators by a table"):
         bayesid.simulate("differential_boat", "turn:20")

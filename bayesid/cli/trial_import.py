@@ -282,13 +282,19 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
 def _steered_by(vehicle: str | None) -> Steering:
     """What steers a vehicle without a rudder."""
     from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.orders import has_rudder, missing_actuators
-    from bayesid.trials.importing.named_actuators import Steering, side_of
+    from bayesid.model.vehicles.orders import (
+        has_rudder,
+        missing_actuators,
+        rudders_together,
+        shafts_together,
+    )
+    from bayesid.trials.importing.named_actuators import Steering, sides_across
 
     if vehicle is None or has_rudder(ship := load_vehicle(vehicle)):
         return Steering()
     across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
-    return Steering(tuple(across), side_of(across), frozenset(missing_actuators(ship)))
+    together = {"delta_r": rudders_together(ship), "n": dict.fromkeys(shafts_together(ship), 1.0)}
+    return Steering(tuple(across), sides_across(across), frozenset(missing_actuators(ship)), together)
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:

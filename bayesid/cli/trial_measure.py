@@ -51,13 +51,13 @@ def measure(
 def _ship_of(trial: Trial, named: str | None) -> tuple[vehicles.Vehicle | None, str]:
     """The vehicle, which says which named rudders steer together, and why there is none where it matters."""
     from bayesid.errors import VehicleError
+    from bayesid.model.channels import ACTUATOR_NAMES
     from bayesid.model.vehicles import load_vehicle
 
     if named:
         return load_vehicle(named), ""
-    if not any(
-        name.startswith("delta_") and name != "delta_r" for run in trial.runs for name in _angles(run)
-    ):
+    own = {f"delta_{name}" for name in ACTUATOR_NAMES}
+    if not any(name in own for run in trial.runs for name in _angles(run)):
         return None, ""
     if not trial.vehicle_ref:
         return None, "the named rudders of which vehicle are logged? (--vehicle)"

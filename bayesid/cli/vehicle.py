@@ -73,12 +73,13 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
 def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False) -> None:
     """Print the force table: every coefficient a vehicle file may state, and what it multiplies.
 
-    AXES are letters, e.g. XYN. Numbers of an MMG ship, which are no rows, come last.
+    AXES are letters, e.g. XYN. Numbers of an MMG ship, which are no rows, come last, by their axis.
     """
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.errors import VehicleError
     from bayesid.model.terms import TERMS
 
+    axes = axes.upper()
     if unknown := sorted(set(axes) - set("XYZKMN")):
         raise VehicleError(f"there is no axis {', '.join(unknown)}: X, Y, Z (forces), K, M, N (moments)")
     rows = [
@@ -88,7 +89,7 @@ def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False
             "source": t.source, "about": t.about, "row": not t.is_number,
         }
         for t in sorted(TERMS, key=lambda t: (t.is_number, "XYZKMN".find(t.axis)))
-        if t.is_number or t.axis in axes
+        if t.axis in axes
     ]  # fmt: skip
     if as_json:
         print_json(rows)
@@ -107,7 +108,7 @@ def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False
         ],
     )  # fmt: skip
     numbers = [[r["name"], r["about"], r["multiplies"]] for r in rows if not r["row"]]
-    if numbers and set(axes) == set("XYZKMN"):
+    if numbers:
         print_text()
         print_table(["number of a ship (MMG)", "what it is", "acts in"], numbers)
 

@@ -6,7 +6,7 @@ Takes a `Result`. Gives sentences. Does not decide.
 from __future__ import annotations
 
 from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
-from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, sizes
+from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, size_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.threshold_table import EVEN_ODDS
@@ -77,11 +77,11 @@ def _chances(result: Result) -> list[tuple[str, float]]:
 
 
 def _sized(result: Result, name: str, p: float) -> str:
-    """ "actuator lag of 0.21 seconds (0.45)": a possible cause, its size unless several act together (it is
-    that of a cause that acts alone), and how probable."""
+    """ "actuator lag (0.45; 0.21 seconds)": a possible cause, how probable, and its size unless several act
+    together (it is that of a cause that acts alone)."""
     effect = next((e for e in result.effects if e.name == name and e.parameters), None)
-    size = sizes(effect) if effect is not None and result.together <= EVEN_ODDS else ""
-    return f"{_outside(name)}{f' of {size}' if size else ''} ({probability(p)})"
+    size = size_words(effect) if effect is not None and result.together <= EVEN_ODDS else ""
+    return f"{_outside(name)} ({probability(p)}{f'; {size}' if size else ''})"
 
 
 def _outside(name: str) -> str:

@@ -61,10 +61,11 @@ def sentence(effect: Effect) -> str:
     return said or f"{effect.name.replace('_', ' ').capitalize()} acts."
 
 
-def sizes(effect: Effect) -> str:
-    """The sizes in the sentence alone, "0.21 seconds"; empty where there is none."""
+def size_words(effect: Effect) -> str:
+    """The size in the sentence alone, "0.21 seconds"; empty where there is none, or more than one."""
+    own = [m for m in _PLACE.finditer(effect.says) if set(re.split("[+,]", m[1])) & set(effect.parameters)]
     try:
-        return ", ".join(_place(effect, m) for m in _PLACE.finditer(effect.says))
+        return _place(effect, own[0]) if len(own) == 1 else ""
     except KeyError:
         return ""
 

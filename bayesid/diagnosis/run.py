@@ -30,6 +30,7 @@ from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import agreement
+from bayesid.diagnosis.hypotheses.sensitivity_bank import not_asked
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, after_left_out, simplest
 from bayesid.diagnosis.input.memory_needed import check_memory
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
@@ -109,7 +110,7 @@ def diagnose(
     compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
     verdict = verdict_of(compared)
-    warnings = [*weighed.warnings, *problem.warnings]
+    warnings = [*weighed.warnings, *problem.warnings, *not_asked(problem)]
     if compared.unable is not None:
         warnings.append(compared.unable)
     notify("whether the explanation predicts better with coefficients re-tuned")

@@ -55,8 +55,8 @@ def actuator_words(found: TrialFit) -> list[str]:
     if not not_final or not held:
         return []
     return [
-        "Coefficients make up for forces of rudders, shafts and thrusters that are not as the vehicle file "
-        f"has them: free these as well, `--with {','.join(held)}`."
+        "Coefficients may make up for forces of rudders, shafts and thrusters that are not as the vehicle "
+        f"file has them; free these as well: `--with {','.join(held)}`."
     ]
 
 

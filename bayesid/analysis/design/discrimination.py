@@ -87,7 +87,10 @@ def causes(
         raise ModelError(f"causes to tell apart: {what}; there are {', '.join(model.effects)}")
     hidden = [n for n in names if not testable(problem, model.effects[n])]
     if hidden:
-        raise ModelError(f"{', '.join(hidden)} cannot show in the channels {', '.join(problem.channels)}")
+        raise ModelError(
+            f"{', '.join(hidden)} cannot show in the channels {', '.join(problem.channels)}, or is of an "
+            "actuator whose position is measured in every run"
+        )
     effects = [model.effects[n] for n in dict.fromkeys(names)]
     bank = build_bank(problem, problem.path, [problem.environment.noise_model], effects)
     return Causes(problem, bank, tuple(e.name for e in effects), size, longest)

@@ -25,6 +25,7 @@ from bayesid.model.effects import Effect
 from bayesid.model.effects.declare import SERVO_STAGES
 from bayesid.simulation import interval_maps, readings_on
 from bayesid.threads import each
+from bayesid.words import and_list
 
 # A prior that is too narrow as a whole: how many times its standard deviations.
 EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
@@ -88,12 +89,29 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
         return False  # equations that lack a force do not tell it from a single screw
     if effect.name == "position_lever_arm" and problem.velocity_from_track:
         return False
-    if (slowed := _slowed(problem.model, effect)) and all(
-        slowed <= set(log.plan.measured) for log in problem.logs
-    ):
+    slowed = _slowed(problem.model, effect)
+    if slowed and slowed <= _measured(problem):
         return False  # the position is logged as it came to be, with whatever slows it
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
     return not (effect.port == "sensor" and not (seen & names))
+
+
+def not_asked(problem: DiagnosisProblem) -> tuple[str, ...]:
+    """A sentence where effects cannot show because a position is measured, for a reader."""
+    slow = {name for effect in problem.model.effects.values() for name in _slowed(problem.model, effect)}
+    names = sorted(slow & _measured(problem))
+    if not names:
+        return ()
+    many = len(names) > 1
+    late = "they lag behind their" if many else "it lags behind its"
+    told = f"{and_list(names)} {'are' if many else 'is'} measured in every run"
+    return (f"{told}: whether {late} orders is not asked",)
+
+
+def _measured(problem: DiagnosisProblem) -> set[str]:
+    """Actuators whose position is logged in every run."""
+    every = [set(log.plan.measured) for log in problem.logs]
+    return set.intersection(*every) if every else set()
 
 
 def _slowed(model: Model, effect: Effect) -> frozenset[str]:

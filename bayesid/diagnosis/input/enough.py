@@ -6,13 +6,14 @@ Takes a trial, and a model where there is one. Gives sentences; empty where ther
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.model.channels import ACTUATORS
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.orders import has_propeller
+from bayesid.model.vehicles.orders import has_propeller, spread
 from bayesid.simulation import shaft_speed_words
 from bayesid.trials import Run, Trial
 
@@ -58,8 +59,9 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
     Fins count whose rows are in the file, the propeller where it gives thrust, and all named actuators.
     """
     out = []
+    runs = [replace(r, commands=spread(vehicle, r.commands, r.measured_inputs)) for r in trial.runs]
     for name in _inputs(vehicle):
-        there = [run for run in trial.runs if run.input(name) is not None]
+        there = [run for run in runs if run.input(name) is not None]
         if not there:
             taken = "and in no run; it is taken as 0" if name != "n" else f"and {shaft_speed_words(vehicle)}"
             out.append(f"{name} is an input of {vehicle.name} {taken}")

@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.model.vehicles.orders import missing_actuators, named_rudders, side_of
+from bayesid.model.vehicles.orders import missing_actuators, named_rudders, side_of, spread
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction
@@ -135,6 +135,7 @@ def _with_rudder(model: Model, run: Run, fins: Sequence[str]) -> Run:
     """The run with named fins as one rudder, positive to port: their mean, each as it turns the vehicle; one
     near the centre, which hardly turns it, is left out."""
     side = {f"delta_{fin.name}": side_of(fin, model.scales["L"]) for fin in model.vehicle.fins}
+    run = replace(run, commands=spread(model.vehicle, run.commands, run.measured_inputs))
     orders = [side[fin] * order for fin in fins if side.get(fin) and (order := run.input(fin)) is not None]
     if not orders:
         return run

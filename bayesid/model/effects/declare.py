@@ -75,10 +75,8 @@ class EffectParameter:
     about: str = ""
 
 
-SERVO_STAGES = (
-    30,
-    50,
-)  # orders of links from which on, and before which, a position is slower than its order
+# Orders of links from which on, and before which, a position is slower than its order (lag, rate limit).
+SERVO_STAGES = (30, 50)
 
 
 @dataclass(frozen=True)

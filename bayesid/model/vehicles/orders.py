@@ -87,10 +87,14 @@ def rudders_together(vehicle: Vehicle) -> dict[str, float]:
 
 
 def shafts_together(vehicle: Vehicle) -> tuple[str, ...]:
-    """Columns of the named shafts that `n_cmd` orders: those that push ahead, of a vehicle without `n`."""
+    """Columns of the named shafts that `n_cmd` orders: those that push ahead, of a vehicle without `n`.
+
+    One that turns round (azimuth, nozzle, bucket) is none of them beside shafts that do not.
+    """
     if not vehicle.thrusters or has_propeller(vehicle):
         return ()
-    return tuple(thruster.signal for thruster in vehicle.main_shafts)
+    fixed = [thruster for thruster in vehicle.main_shafts if len(thruster.signals) == 1]
+    return tuple(thruster.signal for thruster in fixed or vehicle.main_shafts)
 
 
 def steers(vehicle: Vehicle) -> bool:
@@ -117,17 +121,16 @@ def spread(
     Parameters
     ----------
     orders : channel with `_cmd` -> number or (n,) array [rad, rpm]
-    measured : positions by channel; where one of several rudders (or shafts) is ordered or measured by its
-        own name, the common order says nothing of the others
+    measured : positions by channel; the common order says nothing of what is ordered or measured by its own
+        name
     """
     out = dict(orders)
     if not vehicle.actuators or not {"delta_r_cmd", "n_cmd"} & set(orders):
         return out
     for common, signs in _together(vehicle).items():
-        own = {f"{name}_cmd" for name in signs}
-        if f"{common}_cmd" in orders and not own & set(orders) and not set(signs) & set(measured or {}):
-            given = orders[f"{common}_cmd"]
-            out |= {f"{name}_cmd": sign * given + 0.0 for name, sign in signs.items()}  # 0.0 in place of -0.0
+        for name, sign in signs.items():
+            if f"{common}_cmd" in orders and f"{name}_cmd" not in orders and name not in (measured or {}):
+                out[f"{name}_cmd"] = sign * orders[f"{common}_cmd"] + 0.0  # 0.0 in place of -0.0
     return out
 
 
@@ -160,9 +163,13 @@ def without_rudder(vehicle: Vehicle) -> str:
     names = named_rudders(vehicle)
     if not names:
         return "has no rudder"
-    if len(names) == 1:
-        return f"has no rudder delta_r, its rudder {names[0]} hardly turns it"
-    return f"has no rudder delta_r, its rudders {and_list(names)} are not alike and have orders of their own"
+    turning = [fin.name for fin in vehicle.fins if fin.name in names and side_of(fin, vehicle.L)]
+    if not turning:
+        its = f"its rudder {names[0]} hardly turns" if len(names) == 1 else "its rudders hardly turn"
+        return f"has no rudder delta_r, {its} it"
+    return (
+        f"has no rudder delta_r, its rudders {and_list(names)} are not all alike and have orders of their own"
+    )
 
 
 def _together(vehicle: Vehicle) -> dict[str, dict[str, float]]:

@@ -18,7 +18,6 @@ SIDES = {
     "bow": frozenset({"bow", "bug"}),
     "stern": frozenset({"stern", "aft", "heck"}),
 }
-LATERAL = ("bow", "stern")  # of these an order of all shafts is not
 _KINDS = {"delta_r": "delta", "n": "n"}  # role of a name without its actuator -> first word of an input
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
@@ -33,14 +32,16 @@ class Steering:
     inputs : as "n_port", "delta_1"
     sides : input whose name is a number -> "port" or "stbd", where one alone is on that side
     absent : "delta_r" and "n", where the vehicle has none
+    together : "delta_r" and "n" -> the inputs one order of it moves, with the sign to which each then turns
     """
 
     inputs: tuple[str, ...] = ()
     sides: Mapping[str, str] = field(default_factory=dict)
     absent: frozenset[str] = frozenset()
+    together: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def side_of(across: Mapping[str, float]) -> dict[str, str]:
+def sides_across(across: Mapping[str, float]) -> dict[str, str]:
     """Input -> its side, from where it stands across the vehicle [m]; of each kind one on a side."""
     found: dict[str, str] = {}
     for name, y in across.items():
@@ -69,7 +70,7 @@ def named_guess(channel: RawChannel, steering: Steering) -> Guess | None:
 
 
 def all_of_one_kind(role: str, steering: Steering) -> list[str]:
-    """The inputs that one order, without the name of an actuator, may be of together."""
-    kind = _KINDS.get(role.removesuffix("_cmd"), "")
-    its = [name for name in steering.inputs if name.partition("_")[0] == kind]
-    return [name for name in its if name.partition("_")[2] not in LATERAL]
+    """The inputs that one order, without the name of an actuator, moves together; none where it moves some of
+    them the other way round."""
+    signs = steering.together.get(role.removesuffix("_cmd"), {})
+    return [] if any(sign < 0.0 for sign in signs.values()) else list(signs)

@@ -226,7 +226,7 @@ def _name(draft: Draft, recordings: list[Recording], steering: Steering) -> list
                 f"speed {shown} is left out: ahead, along the track or through the water, its name does "
                 f"not say"
             )
-        else:
+        elif not re.search(r"\b[xu]\b", source):
             draft.remark(
                 f"speed {shown} is taken as u, along the hull and over ground, which its name does not say; "
                 "along the track it is speed_over_ground, through the water u_water"

@@ -5,6 +5,8 @@ Takes a run on one time base. Does not: read rudder orders; `cutting` does.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from bayesid.trials.trial import Floats, Run
@@ -22,6 +24,7 @@ STOPPED = 0.05  # share of the revolutions below which a propeller is stopped
 # rad; of a course that nothing is seen to steer, as by a wind or a hull that is not straight; of one beside
 # thrusters that push sideways and are at work
 COURSE, COURSE_BY_THRUSTER = np.radians(45.0), np.radians(15.0)
+LEAST_ADVANCE = 0.5  # of the way, below which a run without a turn is noise about one place
 SMOOTH = 0.1  # of the run, over which it is averaged
 THRUSTERS = ("n_bow", "n_stern", "azimuth", "nozzle")  # begin inputs that steer
 _PAIR = ("n_port", "n_stbd")
@@ -45,10 +48,12 @@ def motion_words(look: Run, start: float = -np.inf, end: float = np.inf) -> str:
     speed = _speed(look, inside)
     shafts = [v for name, v in inputs.items() if name.startswith("n") and not name.startswith(THRUSTERS)]
     if shafts:
-        turns = np.abs(_smooth(np.mean(shafts, axis=0)))
-        top = float(np.max(turns)) if turns.size else 0.0
+        turns = _smooth(np.mean(shafts, axis=0))
+        top = float(np.max(np.abs(turns))) if turns.size else 0.0
         if top > 0.0 and float(np.ptp(turns)) > REVOLUTIONS * top:
-            return COAST if float(np.median(turns[turns.size // 2 :])) < STOPPED * top else SPEED_STEPS
+            return (
+                COAST if float(np.median(np.abs(turns[turns.size // 2 :]))) < STOPPED * top else SPEED_STEPS
+            )
     if speed.size and float(np.ptp(speed)) > SPEED * float(np.max(speed)):
         return FASTER if speed[-1] > speed[0] else SLOWER
     return STRAIGHT
@@ -80,7 +85,10 @@ def _speed(look: Run, inside: np.ndarray) -> Floats:
     good = np.isfinite(x) & np.isfinite(y)
     knots = np.unique(np.linspace(0, good.sum() - 1, int(1 / SMOOTH) + 1).astype(int))
     t, x, y = (v[good][knots] for v in (t, x, y)) if knots.size > 2 else (np.zeros(0),) * 3
-    return np.hypot(np.diff(x), np.diff(y)) / np.maximum(np.diff(t), 1e-9)
+    way = np.hypot(np.diff(x), np.diff(y))
+    if way.size and math.hypot(x[-1] - x[0], y[-1] - y[0]) < LEAST_ADVANCE * float(way.sum()):
+        return np.zeros(0)
+    return way / np.maximum(np.diff(t), 1e-9)
 
 
 def _smooth(values: Floats) -> Floats:

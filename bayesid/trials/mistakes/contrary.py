@@ -30,7 +30,7 @@ def contrary(base: Sequence[Base]) -> list[Weighed]:
     """Every actuator, and all of them together, whose reading is the mirror image of its order."""
     names = dict.fromkeys(name for one in base for name in one.run.measured_inputs)
     nats = {name: np.array([follows(one.run, name) for one in base]) for name in names}
-    mirrored = [name for name in names if nats[name].sum() < 0.0]
+    mirrored = [name for name in names if nats[name].min() < 0.0]
     groups = [(name,) for name in mirrored] + ([tuple(mirrored)] if len(mirrored) > 1 else [])
     return [
         _weighed(base, group, which, -np.sum([nats[name] for name in group], axis=0))

@@ -18,7 +18,6 @@ from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.table import USUAL, Mistake
 from bayesid.trials.trial import Floats, Run
 
-FINS = ("delta_r", "delta_s", "delta_b")
 # An order stands exactly still most of the time and jumps by more than an angle faster than fins move
 JUMP_ANGLE, JUMP_RATE, STANDS = math.radians(3.0), math.radians(60.0), 0.8
 ON_THE_WAY = 0.1  # share of moves read on their way, from which on the angle is no order that jumps
@@ -38,7 +37,8 @@ def ordered(base: Sequence[Base], rates: Mapping[str, float] | None = None) -> l
         falls between two readings; an order never is
     """
     out = []
-    for name in FINS:
+    fins = sorted({name for one in base for name in one.run.measured_inputs if name.startswith("delta_")})
+    for name in fins:
         found = [jumps(one.run, name) if is_measured(one.run, name) else None for one in base]
         there = np.array([one is not None for one in found])
         if not there.any():
