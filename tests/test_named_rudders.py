@@ -148,18 +148,23 @@ def test_forces_that_are_no_coefficients_are_scaled_by_one_effect_each_and_twins
 def test_a_fit_that_is_not_final_asks_for_the_forces_it_holds(zigzags):
     model = model_of(zigzags)
 
-    def fit(names, *failed):
+    def fit(names, *failed, still=()):
+        every = {s for a in model.vehicle.actuators for s in a.signals}
+        orders = {f"{s}_cmd": np.full(9, 0.0 if s in still else 0.2) for s in every}
         return SimpleNamespace(
+            trial=SimpleNamespace(identify=[SimpleNamespace(commands=orders, measured_inputs={})]),
             vehicle=model.vehicle, problem=SimpleNamespace(params=SimpleNamespace(names=names)),
             fit=SimpleNamespace(uncertainty={}), posterior=SimpleNamespace(not_final=lambda: list(failed)),
         )  # fmt: skip
 
-    every = whole_forces(model.vehicle.actuators)
+    every = list(whole_forces(model.vehicle.actuators))
     (said,) = actuator_words(fit(("Y_v",), "the runs disagree"))
     assert f"`--with {','.join(every)}`" in said
     (said,) = actuator_words(fit(("Y_v", f"{every[0]}.share"), "the runs disagree"))
     assert every[0] not in said and every[1] in said
     assert actuator_words(fit(("Y_v",))) == []
+    (said,) = actuator_words(fit(("Y_v",), "the runs disagree", still=("n_3",)))  # it does nothing there
+    assert "thruster_3_gain" in every and "thruster_3_gain" not in said
 
 
 def test_fins_that_are_no_twins_have_no_common_effect(zigzags):

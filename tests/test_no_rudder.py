@@ -16,9 +16,7 @@ IDLE = {"rudder_offset", "rudder_stall", "actuator_lag", "propeller_side_force",
 
 
 def test_a_zigzag_of_a_boat_without_a_rudder_is_refused_and_a_table_is_not(tmp_path):
-    with pytest.raises(
-        ManoeuvreError, match=r"has no rudder; order its actuators by a table.*n_port_cmd"
-    ):
+    with pytest.raises(ManoeuvreError, match=r"has no rudder; order its actuators by a table.*n_port_cmd"):
         bayesid.simulate("differential_boat", "zigzag:10/10")
     (tmp_path / "orders.csv").write_text(TABLE)
     text = f"table:{tmp_path / 'orders.csv'}"

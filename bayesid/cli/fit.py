@@ -50,7 +50,8 @@ def fit(
 ) -> int:
     """Identify a vehicle's coefficients from a trial and predict its held-out runs.
 
-    --out gets every iterate as it is found, fit.json, vehicle.toml of the identified vehicle and a report.
+    --out gets every iterate as it is found, fit.json, vehicle.toml of the identified vehicle, a report and,
+    without --quick, the model for `bayesid predict`.
     """
     from bayesid.api.fit import fit as run
     from bayesid.cli.output import answer

@@ -5,8 +5,11 @@ Takes a `TrialFit`. Gives sentences. Does not fit.
 
 from __future__ import annotations
 
+import numpy as np
+
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.effects.named import whole_forces
+from bayesid.model.vehicles.orders import spread
 from bayesid.report.fit_first_screen import percent
 from bayesid.words import digits, first_few
 
@@ -48,10 +51,18 @@ def freeing_words(found: TrialFit) -> list[str]:
 
 
 def actuator_words(found: TrialFit) -> list[str]:
-    """What to type where a fit is not final and holds forces of named actuators, which no coefficient is."""
+    """What to type where a fit is not final and holds forces of named actuators that act in a fitted run."""
     not_final = held_words(found) or (found.posterior is not None and found.posterior.not_final())
     freed = {name.partition(".")[0] for name in found.problem.params.names}
-    held = [name for name in whole_forces(found.vehicle.actuators) if name not in freed]
+    inputs = [
+        spread(found.vehicle, {**run.commands, **{f"{k}_cmd": v for k, v in run.measured_inputs.items()}})
+        for run in found.trial.identify
+    ]
+    held = [
+        name
+        for name, signals in whole_forces(found.vehicle.actuators).items()
+        if name not in freed and any(np.any(run.get(f"{s}_cmd", 0.0)) for run in inputs for s in signals)
+    ]
     if not not_final or not held:
         return []
     return [

@@ -58,14 +58,19 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
     return tuple(out)
 
 
-def whole_forces(actuators: Sequence[Actuator]) -> tuple[str, ...]:
-    """Names of the effects that scale all the force of an actuator, those of twin fins for both."""
+def whole_forces(actuators: Sequence[Actuator]) -> dict[str, tuple[str, ...]]:
+    """Effects that scale all the force of an actuator, that of twin fins for both: name -> its columns."""
     twins = _twins(actuators)
     paired = {fin.name for pair in twins for fin in pair}
     alone = [actuator for actuator in actuators if actuator.name not in paired]
     declared: list[tuple[Sequence[Actuator], Sequence[Effect]]] = [(pair, _of_both(pair)) for pair in twins]
     declared += [((one,), named_effects([one])) for one in alone]
-    return tuple(effect.name for group, each in declared for effect in each if effect.force == _whole(group))
+    return {
+        effect.name: tuple(signal for actuator in group for signal in actuator.signals)
+        for group, each in declared
+        for effect in each
+        if effect.force == _whole(group)
+    }
 
 
 def _whole(group: Iterable[Actuator]) -> dict[str, str]:
