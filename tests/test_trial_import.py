@@ -29,6 +29,7 @@ from bayesid.trials.importing import (
     write_bundle,
 )
 from bayesid.trials.importing.joining import join
+from bayesid.trials.importing.named_actuators import Steering
 from bayesid.trials.importing.names import guess_role
 from bayesid.trials.importing.raw import RawChannel
 from bayesid.trials.importing.run_list import _as_a_whole
@@ -411,13 +412,18 @@ def test_what_is_doubtful_is_asked(tmp_path, change, words):
 
 def test_the_orders_of_thrusters_are_asked_for_by_the_names_of_the_vehicle(tmp_path):
     truth = motion(np.random.default_rng(7))
-    columns = {
-        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [deg]": truth["psi"] / DEG,
-        "Thruster port (rpm)": truth["n_cmd"], "Thruster stbd (rpm)": truth["n_cmd"],
-    }  # fmt: skip
-    log = _table(tmp_path, truth, columns)
-    asked = propose([log], inputs=("n_port", "n_stbd")).map.questions
-    assert any('n_port_cmd = "Thruster port (rpm)", n_stbd_cmd = "Thruster stbd (rpm)"' in q for q in asked)
+    pose = {"t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [deg]": truth["psi"] / DEG}
+    twins = Steering(("n_port", "n_stbd"))
+    named = {"Thruster port (rpm)": truth["n_cmd"], "Thruster stbd (rpm)": truth["n_cmd"]}
+    read = propose([_table(tmp_path, truth, pose | named)], steering=twins).map
+    assert {"n_port_cmd", "n_stbd_cmd"} <= set(read.channels)
+    assert not any("n_port" in q for q in read.questions)
+    # names that do not say which
+    log = _table(
+        tmp_path, truth, pose | {"Thruster A (rpm)": truth["n_cmd"], "Thruster B (rpm)": truth["n_cmd"]}
+    )
+    asked = propose([log], steering=twins).map.questions
+    assert any("n_port_cmd" in q and "n_stbd_cmd" in q and "Thruster A (rpm)" in q for q in asked)
     assert not any("no rudder found" in q for q in asked)
     assert any("no rudder found" in q for q in propose([log]).map.questions)
 

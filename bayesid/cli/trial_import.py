@@ -285,16 +285,15 @@ def _steered_by(vehicle: str | None) -> Steering:
     from bayesid.model.vehicles.orders import (
         has_rudder,
         missing_actuators,
-        rudders_together,
-        shafts_together,
+        together,
     )
     from bayesid.trials.importing.named_actuators import Steering, sides_across
 
     if vehicle is None or has_rudder(ship := load_vehicle(vehicle)):
         return Steering()
     across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
-    together = {"delta_r": rudders_together(ship), "n": dict.fromkeys(shafts_together(ship), 1.0)}
-    return Steering(tuple(across), sides_across(across), frozenset(missing_actuators(ship)), together)
+    absent = frozenset(missing_actuators(ship))
+    return Steering(tuple(across), sides_across(across), absent, together(ship))
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:

@@ -78,9 +78,9 @@ def shown(predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> int:
 
 
 class _Error:
-    """Position or heading: as given (nan where it diverges), predicted, share inside the band."""
+    """Position or heading: predicted, as given (nan where it diverges)."""
 
-    def __init__(self, name: str, unit: str, what: tuple[float, float, float]) -> None:
+    def __init__(self, name: str, unit: str, what: tuple[float, float]) -> None:
         self.name, self.unit, self.what = name, unit, what
 
 
@@ -91,14 +91,11 @@ def _errors(row: Numbers, of: str = "rms") -> list[_Error]:
     if {"x", "y"} <= set(against):
         x, y = against["x"], against["y"]
         given = math.hypot(x.get("rms_given", math.nan), y.get("rms_given", math.nan))
-        inside = 0.5 * (x["inside"] + y["inside"])
-        out.append(
-            _Error("position", "m", (math.hypot(x.get(of, math.nan), y.get(of, math.nan)), given, inside))
-        )
+        out.append(_Error("position", "m", (math.hypot(x.get(of, math.nan), y.get(of, math.nan)), given)))
     if "psi" in against:
         psi = against["psi"]
         given = DEGREE * psi.get("rms_given", math.nan)
-        out.append(_Error("heading", "degrees", (DEGREE * psi.get(of, math.nan), given, psi["inside"])))
+        out.append(_Error("heading", "degrees", (DEGREE * psi.get(of, math.nan), given)))
     return out
 
 

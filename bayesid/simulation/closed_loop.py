@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from bayesid.equations.model import Model
 from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.model.vehicles.orders import gathered, spread
+from bayesid.model.vehicles.orders import gathered, spread, spread_by, together
 from bayesid.simulation.prepare import (
     NO_TRACE,
     check_parameters,
@@ -82,8 +82,9 @@ def run_manoeuvre(
     given, since = np.zeros((count + 1, len(names))), t.copy()
     out, act = np.empty((count + 1, x.size)), np.zeros((plan.steps.size, len(names)))
     out[0] = x
+    common = together(model.vehicle)
     for i in range(count):
-        given[i] = row = _row(model, decide(t[i], _twelve(model, x)))
+        given[i] = row = _row(decide(t[i], _twelve(model, x)), names, common)
         reached = loop.over(i, x, row)
         if past is not None and past(t[i + 1], _twelve(model, reached.x)) > 0.0:
 
@@ -94,7 +95,7 @@ def run_manoeuvre(
             if due < t[i + 1]:
                 reached = loop.over(i, x, row, end=due)
                 loop.keep(reached, act)
-                row = _row(model, decide(due, _twelve(model, reached.x)))
+                row = _row(decide(due, _twelve(model, reached.x)), names, common)
                 given[i + 1], since[i + 1] = row, due
                 reached = loop.over(i, reached.x, row, begin=due)
         loop.keep(reached, act)
@@ -240,9 +241,11 @@ def carried_by_water(model: Model, par: Array, x0: Array) -> Array:
     return out
 
 
-def _row(model: Model, given: Mapping[str, float]) -> Array:
-    orders = spread(model.vehicle, given)
-    return np.array([float(orders.get(f"{n}_cmd", orders.get(n, 0.0))) for n in model.kernel.actuators])
+def _row(
+    given: Mapping[str, float], names: tuple[str, ...], common: Mapping[str, Mapping[str, float]]
+) -> Array:
+    orders = spread_by(common, given)
+    return np.array([float(orders.get(f"{n}_cmd", orders.get(n, 0.0))) for n in names])
 
 
 def _twelve(model: Model, x: Array) -> Array:

@@ -124,10 +124,17 @@ def spread(
     measured : positions by channel; the common order says nothing of what is ordered or measured by its own
         name
     """
+    return spread_by(together(vehicle), orders, measured)
+
+
+def spread_by(
+    common_orders: Mapping[str, Mapping[str, float]],
+    orders: Mapping[str, Any],
+    measured: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """`spread` of a vehicle whose `together` is at hand: for orders given step by step."""
     out = dict(orders)
-    if not vehicle.actuators or not {"delta_r_cmd", "n_cmd"} & set(orders):
-        return out
-    for common, signs in _together(vehicle).items():
+    for common, signs in common_orders.items():
         for name, sign in signs.items():
             if f"{common}_cmd" in orders and f"{name}_cmd" not in orders and name not in (measured or {}):
                 out[f"{name}_cmd"] = sign * orders[f"{common}_cmd"] + 0.0  # 0.0 in place of -0.0
@@ -143,9 +150,7 @@ def gathered(vehicle: Vehicle, inputs: Mapping[str, Any], ending: str = "_cmd") 
     ending : "_cmd" of orders, "" of measured positions
     """
     out = dict(inputs)
-    if not vehicle.actuators:
-        return out
-    for common, signs in _together(vehicle).items():
+    for common, signs in together(vehicle).items():
         there = [sign * inputs[name + ending] for name, sign in signs.items() if name + ending in inputs]
         if there and common + ending not in inputs:
             out[common + ending] = np.mean(there, axis=0)
@@ -154,7 +159,7 @@ def gathered(vehicle: Vehicle, inputs: Mapping[str, Any], ending: str = "_cmd") 
 
 def own_orders(vehicle: Vehicle, orders: Mapping[str, Any]) -> dict[str, Any]:
     """Orders by the columns a vehicle has: named rudders and shafts in place of `delta_r_cmd` and `n_cmd`."""
-    common = {f"{name}_cmd" for name, signs in _together(vehicle).items() if signs}
+    common = {f"{name}_cmd" for name, signs in together(vehicle).items() if signs}
     return {name: values for name, values in spread(vehicle, orders).items() if name not in common}
 
 
@@ -172,8 +177,10 @@ def without_rudder(vehicle: Vehicle) -> str:
     )
 
 
-def _together(vehicle: Vehicle) -> dict[str, dict[str, float]]:
-    """Common order -> the columns it moves with their signs."""
+def together(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """Common order, "delta_r" or "n" -> the columns it moves, with signs; none without named actuators."""
+    if not vehicle.actuators:
+        return {}
     return {"delta_r": rudders_together(vehicle), "n": dict.fromkeys(shafts_together(vehicle), 1.0)}
 
 

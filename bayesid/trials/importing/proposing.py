@@ -62,15 +62,14 @@ def propose(
     sources: Sequence[Path],
     vehicle: str = "",
     name: str = "",
-    inputs: Sequence[str] = (),
     steering: Steering = NO_STEERING,
 ) -> Proposal:
     """A map guessed from names, units and kinematics.
 
     Parameters
     ----------
-    inputs : what the vehicle is steered by where that is no rudder, as "n_port": asked for
-    steering : the same, for which series are read by the actuators in their names
+    steering : what the vehicle is steered by where that is no rudder; its columns are asked for, and series
+        are read by the actuators in their names
 
     Raises
     ------
@@ -96,7 +95,7 @@ def propose(
         draft.ask(weight, text)
     unused = _name(draft, recordings, steering)
     _drop_constant(draft)
-    _needs(draft, recordings, unused, inputs or steering.inputs)
+    _needs(draft, recordings, unused, steering.inputs)
     _declared_axes(draft, logs)
     if ask_apart(draft):
         pass  # nothing that kinematics says of such a recording is about the channels
