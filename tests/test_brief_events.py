@@ -87,6 +87,15 @@ def test_it_has_to_gain_more_than_what_would_do_instead():
     assert found_in(problem, none, event.evidence + 1.0) == ()
 
 
+@pytest.mark.parametrize(("more", "told"), [(-6.0, 1), (-4.0, 0), (1.0, 0)])
+def test_what_a_force_of_the_motion_explains_nearly_as_well_is_no_event(more, told, monkeypatch):
+    problem, none = fitted(trial_of(model_of("remus100"), brief))
+    (event,) = found_in(problem, none, 0.0)
+    monkeypatch.setattr(module, "_by_motion", lambda sought, errors: event.evidence + more)
+    assert len(found_in(problem, none, 0.0)) == told
+    assert len(found_in(problem, none, 0.0, tight=True)) == 1  # told anew, not decided anew
+
+
 def test_without_a_moment_there_is_no_event():
     assert events_of(nothing, least=-np.inf)[-1] == ()
 
@@ -97,6 +106,7 @@ def test_without_a_moment_there_is_no_event():
     ids=["every few lengths", "a swell"],
 )
 def test_what_lasts_is_no_event(acts, monkeypatch):
+    monkeypatch.setattr(module, "EVENT_OVER_MOTION", -np.inf)
     assert events_of(acts, 5e-5, -np.inf)[-1] == ()
     monkeypatch.setattr(module, "MOST_TIME_SHARE", 1.0)
     assert events_of(acts, 5e-5, -np.inf)[-1] != ()

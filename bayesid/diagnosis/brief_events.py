@@ -2,13 +2,15 @@
 
 Takes an explanation and its problem. Gives dated `Event`s. A force that depends on the motion comes back
 whenever the motion does, and a gap that lasts is found where it lies (`localisation`): what is left in a
-short time only is neither, unless the motion of that time was flown once. Leaves nothing out (`exclusions`).
+short time only is neither, unless the motion of that time was flown once: a force of the motion and the
+controls, of any shape, is asked for instead. Leaves nothing out (`exclusions`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -26,8 +28,9 @@ from bayesid.diagnosis.cut_runs import (
 )
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.event_search import MOST_EVENTS, MOST_TIME_SHARE
+from bayesid.diagnosis.force_of_motion import force_of_motion
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
-from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE
+from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE, EVENT_OVER_MOTION
 from bayesid.estimation.run_data import Array
 
 # Pieces that an event lasts.
@@ -44,7 +47,8 @@ def brief_events(sought: Sought, least: Callable[[], float], tight: bool = False
     Parameters
     ----------
     least : log evidence that they have to gain together, asked for where they gain enough by themselves
-    tight : with the times of what they look like, not with all that a free signal takes
+    tight : with the times of what they look like, not with all that a free signal takes; that they are no
+        force of the motion was decided before
 
     Raises
     ------
@@ -71,9 +75,14 @@ def brief_events(sought: Sought, least: Callable[[], float], tight: bool = False
         (errors if one.place in SENSORS else motions).append(one)
         if sum((f.last - f.first) * runs[f.run].width for f in motions) > most:
             return ()
+    by_motion = cache(lambda: _by_motion(sought, errors))
     while motions:
         kept = _repeatable(sought, errors, motions)
-        if kept >= BRIEF_EVENT_EVIDENCE * len(motions) and kept > least():
+        if (
+            kept >= BRIEF_EVENT_EVIDENCE * len(motions)
+            and kept > least()
+            and (tight or kept >= by_motion() + EVENT_OVER_MOTION)
+        ):
             share = kept / sum(f.gain for f in motions)
             return tuple(
                 replace(e, evidence=share * e.evidence) for e in _told(sought, errors, motions, tight)
@@ -137,6 +146,16 @@ def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence
         with_.append(weight + Joint(runs, sought.known, [*errors, *motions]).log_evidence)
         without.append(weight + Joint(runs, sought.known, errors).log_evidence)
     return float(logsumexp(with_) - logsumexp(without)) - sum(f.chosen for f in motions)
+
+
+def _by_motion(sought: Sought, errors: Sequence[BriefSignal]) -> float:
+    """What a force of the motion and the controls, of any shape, gains instead of motions; the same otherwise
+    as `_repeatable`."""
+    force, with_, without = force_of_motion(sought), [], []
+    for weight, runs in at_noise_scales(sought):
+        with_.append(weight + force.log_evidence(runs, sought.known, errors))
+        without.append(weight + Joint(runs, sought.known, errors).log_evidence)
+    return float(logsumexp(with_) - logsumexp(without))
 
 
 def _told(

@@ -21,14 +21,12 @@ from scipy.special import logsumexp
 
 from bayesid.diagnosis.cut_runs import CutRun, Joint, Sought, at_noise_scales
 from bayesid.diagnosis.data.dependence import Acts, Dependence, On
+from bayesid.diagnosis.force_of_motion import AXES, STATE_DISTANCES, STATE_SIZES, correlation
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
 from bayesid.diagnosis.joined_runs import Joined, Pieces, fewer, joined, longest_runs, pieces_of
 from bayesid.diagnosis.threshold_table import DEPENDENCE_EVIDENCE, DEPENDENCE_OVER_RIVALS
 from bayesid.estimation.run_data import Array
 
-# Distances over which a force of the motion changes, over that of two usual motions; its sizes over units.
-STATE_DISTANCES = (0.3, 0.6, 1.2)
-STATE_SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)
 # Distances [L] or times [L/U] over which the rest changes; shares of the hull's force; forces over the units.
 DISTANCES = (2.0, 4.0, 8.0)
 # Times of what is slower or lasts a run, one by one rivals: a slow vehicle takes long for a distance.
@@ -39,7 +37,6 @@ FORCES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 FEWEST_PERIODS, PIECES_PER_PERIOD, STEPS = 3.0, 4.0, 4.0
 # Share of a prior's greatest variance below which a direction of it is left out.
 NEGLIGIBLE = 1e-5
-AXES = dict(zip("uvwpqr", "XYZKMN", strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +120,9 @@ def _map(
 
 def _of_motion(whole: Joined, pieces: Pieces, axes: int) -> Array:
     """Columns of a force of the motion and the controls, of the shape that gains most; none if none gains."""
-    apart = ((pieces.state[:, None] - pieces.state) ** 2).sum(axis=2)
-    usual = 2.0 * max(pieces.state.shape[1], 1)
     best, found = 0.0, np.zeros((axes * pieces.count, 0))
     for distance in STATE_DISTANCES:
-        one = _root(np.exp(-0.5 * apart / (usual * distance**2)))
+        one = _root(correlation(pieces.state, pieces.state, distance))
         columns = np.kron(np.eye(axes), one)
         gains = whole.gains(columns, STATE_SIZES)
         if max(gains) > best:
