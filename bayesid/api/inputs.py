@@ -24,7 +24,7 @@ from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
-from bayesid.model.vehicles.orders import rudder_limits, steers, without_rudder
+from bayesid.model.vehicles.orders import plane_limit, rudder_limits, steers, without_rudder
 from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
@@ -198,7 +198,7 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     shaft = rpm if rpm is not None else vehicle.rpm_ref
     if shaft is None:
         raise VehicleError(f"{vehicle.name}: names no usual shaft speed; give rpm (--rpm)")
-    angles = rudder_limits(vehicle)[0], vehicle.limits.get("delta_s", LARGEST_ANGLE)
+    angles = rudder_limits(vehicle)[0], plane_limit(vehicle)
     rudder, plane = (min(angle, LARGEST_ANGLE) for angle in angles)
     speed = self_propulsion_speed(vehicle, shaft)
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)

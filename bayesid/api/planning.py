@@ -19,7 +19,7 @@ from bayesid.errors import ManoeuvreError, TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.orders import rudder_limits, steers, without_rudder
+from bayesid.model.vehicles.orders import plane_limit, rudder_limits, steers, without_rudder
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
 from bayesid.trials.bundle import builtin_trials
@@ -144,6 +144,6 @@ def reference_scale(model: Model) -> Scale:
     if not model.vehicle.rpm_ref:
         raise VehicleError(f"{model.vehicle.name}: names no usual shaft speed to start a manoeuvre from")
     length, speed = model.scales["L"], model.scales["U"]
-    angles = rudder_limits(model.vehicle)[0], model.vehicle.limits.get("delta_s", 0.61)
+    angles = rudder_limits(model.vehicle)[0], plane_limit(model.vehicle)
     rudder, plane = (min(angle, 0.61) for angle in angles)
     return Scale(length, speed, model.vehicle.rpm_ref, rudder, plane, model.dof, length / speed / 20)

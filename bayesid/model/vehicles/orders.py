@@ -1,15 +1,16 @@
 """Which actuators steer and drive a vehicle, and which of them one order moves together.
 
-The order `delta_r_cmd` is that of the rudder, `n_cmd` that of the shaft. A vehicle without these two may have
-named ones in their place: rudders that are alike but for the side they are on, and shafts that push ahead.
-The two orders are then orders of all of these.
+The order `delta_r_cmd` is that of the rudder, `delta_s_cmd` and `delta_b_cmd` those of the planes at stern
+and bow, `n_cmd` that of the shaft. A vehicle without these may have named ones in their place: rudders or
+planes that are alike but for the side they are on, fins of an X or a V, which are both, and shafts that push
+ahead. These orders are then orders of all of them.
 Takes: a `Vehicle`, and orders by channel. Does not: read logs, or turn a vehicle by its thrusters.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -21,6 +22,8 @@ from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.words import and_list
 
 NEAR_CENTRE = 0.05  # of the length, from which on a fin has an arm that turns the vehicle
+# Fins of an X or a V: shares of their force to the side and down, one over the other, and its inverse.
+DIAGONAL = 0.5
 
 
 def has_rudder(vehicle: Vehicle) -> bool:
@@ -69,21 +72,31 @@ def rudders_together(vehicle: Vehicle) -> dict[str, float]:
     """Named rudders that `delta_r_cmd` orders: column -> 1, or -1 where a positive angle turns to starboard.
 
     Two or more fins that push sideways, off the centre, and are alike but for the side they are on (and for
-    the shaft before them), or a single one; empty for a vehicle that has `delta_r`, and where several fins
-    that are not alike could be meant.
+    the shaft before them), or a single one, and the fins of an X or a V; empty for a vehicle that has
+    `delta_r`, and where several fins that are not alike could be meant.
     """
     if has_rudder(vehicle):
         return {}
-    steer = [fin for fin in vehicle.fins if _sideways(fin) and side_of(fin, vehicle.L)]
-    alike: dict[tuple[object, ...], list[Fin]] = {}
-    for fin in steer:
-        (x, _, z), (ahead, aside, down) = fin.at, fin.direction
-        direction = (ahead, abs(aside), abs(down))
-        rest = replace(fin, name="", at=(x, 0.0, z), direction=direction, behind=None)
-        alike.setdefault(astuple(rest), []).append(fin)
-    several = [fins for fins in alike.values() if len(fins) > 1]
-    chosen = several[0] if len(several) == 1 else steer if len(steer) == 1 else []
-    return {fin.signals[0]: side_of(fin, vehicle.L) for fin in chosen}
+    crossed = _crossed(vehicle)
+    steer = [f for f in vehicle.fins if _sideways(f) and side_of(f, vehicle.L) and f not in crossed]
+    return {fin.signals[0]: side_of(fin, vehicle.L) for fin in (*_alike(steer), *crossed)}
+
+
+def planes_together(vehicle: Vehicle, bow: bool = False) -> dict[str, float]:
+    """Named planes that `delta_s_cmd` orders: column -> 1, or -1 where a positive angle pushes down.
+
+    As `rudders_together`, of fins that push up or down; none for a vehicle that has no depth.
+
+    Parameters
+    ----------
+    bow : those before the centre, which `delta_b_cmd` orders
+    """
+    if vehicle.planar_only or not vehicle.actuators or has_rows(vehicle, "db" if bow else "ds"):
+        return {}
+    crossed = [fin for fin in _crossed(vehicle) if (fin.at[0] > 0.0) == bow]
+    upright = [f for f in vehicle.fins if abs(f.direction[2]) > abs(f.direction[1]) and f not in crossed]
+    ends = [f for f in upright if abs(f.at[0]) > NEAR_CENTRE * vehicle.L and (f.at[0] > 0.0) == bow]
+    return {fin.signals[0]: -math.copysign(1.0, fin.direction[2]) for fin in (*_alike(ends), *crossed)}
 
 
 def shafts_together(vehicle: Vehicle) -> tuple[str, ...]:
@@ -113,16 +126,29 @@ def rudder_limits(vehicle: Vehicle) -> tuple[float, float]:
     return angle, rate
 
 
+def plane_limit(vehicle: Vehicle) -> float:
+    """Largest angle [rad] of the stern planes, named ones too; inf where the file states none."""
+    together = planes_together(vehicle)
+    limits = [fin.max_deg for fin in vehicle.fins if fin.signals[0] in together]
+    if not limits:
+        return vehicle.limits.get("delta_s", math.inf)
+    return math.inf if min(limits) >= UNLIMITED else math.radians(min(limits))
+
+
 def spread(
     vehicle: Vehicle, orders: Mapping[str, Any], measured: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Orders with those of the named rudders and shafts that `delta_r_cmd` and `n_cmd` move together.
+    """Orders with those of the named rudders, planes and shafts that a common order moves together.
 
     Parameters
     ----------
     orders : channel with `_cmd` -> number or (n,) array [rad, rpm]
     measured : positions by channel; the common order says nothing of what is ordered or measured by its own
         name
+
+    Notes
+    -----
+    A fin of an X obeys the orders of rudder and planes, which add up.
     """
     return spread_by(together(vehicle), orders, measured)
 
@@ -137,28 +163,31 @@ def spread_by(
     for common, signs in common_orders.items():
         for name, sign in signs.items():
             if f"{common}_cmd" in orders and f"{name}_cmd" not in orders and name not in (measured or {}):
-                out[f"{name}_cmd"] = sign * orders[f"{common}_cmd"] + 0.0  # 0.0 in place of -0.0
+                # from 0.0, so that there is no -0.0
+                out[f"{name}_cmd"] = out.get(f"{name}_cmd", 0.0) + sign * orders[f"{common}_cmd"]
     return out
 
 
 def gathered(vehicle: Vehicle, inputs: Mapping[str, Any], ending: str = "_cmd") -> dict[str, Any]:
-    """Inputs with what the named rudders and shafts of a vehicle do on average, as `delta_r` and `n`.
+    """Inputs with what the named rudders, planes and shafts of a vehicle do on average, as `delta_r`, `n` ...
 
     Parameters
     ----------
     inputs : channel -> number or (n,) array [rad, rpm]; `delta_r` positive to port
     ending : "_cmd" of orders, "" of measured positions
     """
-    out = dict(inputs)
-    for common, signs in together(vehicle).items():
+    out, common_orders = dict(inputs), together(vehicle)
+    shared = set(common_orders.get("delta_r", ())) & set(common_orders.get("delta_s", ()))
+    for common, signs in common_orders.items():
         there = [sign * inputs[name + ending] for name, sign in signs.items() if name + ending in inputs]
-        if there and common + ending not in inputs:
+        apart = len(there) == len(signs) or not shared & set(signs)  # some fins of an X mix both orders
+        if there and apart and common + ending not in inputs:
             out[common + ending] = np.mean(there, axis=0)
     return out
 
 
 def own_orders(vehicle: Vehicle, orders: Mapping[str, Any]) -> dict[str, Any]:
-    """Orders by the columns a vehicle has: named rudders and shafts in place of `delta_r_cmd` and `n_cmd`."""
+    """Orders by the columns a vehicle has: named rudders, planes and shafts in place of the common orders."""
     common = {f"{name}_cmd" for name, signs in together(vehicle).items() if signs}
     return {name: values for name, values in spread(vehicle, orders).items() if name not in common}
 
@@ -178,11 +207,45 @@ def without_rudder(vehicle: Vehicle) -> str:
 
 
 def together(vehicle: Vehicle) -> dict[str, dict[str, float]]:
-    """Common order, "delta_r" or "n" -> the columns it moves, with signs; none without named actuators."""
+    """Common order, "delta_r", "delta_s", "delta_b" or "n" -> the columns it moves, with signs; none without
+    named actuators."""
     if not vehicle.actuators:
         return {}
-    return {"delta_r": rudders_together(vehicle), "n": dict.fromkeys(shafts_together(vehicle), 1.0)}
+    planes = {"delta_s": planes_together(vehicle), "delta_b": planes_together(vehicle, bow=True)}
+    shafts = dict.fromkeys(shafts_together(vehicle), 1.0)
+    return {"delta_r": rudders_together(vehicle), **planes, "n": shafts}
 
 
 def _sideways(fin: Fin) -> bool:
     return abs(fin.direction[1]) > abs(fin.direction[2])
+
+
+def _crossed(vehicle: Vehicle) -> list[Fin]:
+    """Fins of an X or a V at one end: each steers and dives, and together rudder and planes are apart."""
+    aslant = [
+        fin for fin in vehicle.fins
+        if side_of(fin, vehicle.L)
+        and DIAGONAL * abs(fin.direction[1]) < abs(fin.direction[2]) < abs(fin.direction[1]) / DIAGONAL
+    ]  # fmt: skip
+    for end in (-1.0, 1.0):
+        fins = [fin for fin in aslant if end * fin.at[0] > 0.0]
+        ends = [fin.at[0] for fin in fins]
+        apart = sum(side_of(fin, vehicle.L) * math.copysign(1.0, fin.direction[2]) for fin in fins)
+        if len(fins) > 1 and max(ends) - min(ends) <= NEAR_CENTRE * vehicle.L and apart == 0.0:
+            return fins
+    return []
+
+
+def _alike(fins: Sequence[Fin]) -> Sequence[Fin]:
+    """The only two or more that are alike but for their side, or the only one; none where others could be
+    meant."""
+    groups: dict[tuple[object, ...], list[Fin]] = {}
+    for fin in fins:
+        (x, _, z), (ahead, aside, down) = fin.at, fin.direction
+        direction = (ahead, abs(aside), abs(down))
+        rest = replace(fin, name="", at=(x, 0.0, abs(z)), direction=direction, behind=None)
+        groups.setdefault(astuple(rest), []).append(fin)
+    several = [group for group in groups.values() if len(group) > 1]
+    if len(several) == 1:
+        return several[0]
+    return fins if len(fins) == 1 else ()
