@@ -106,7 +106,7 @@ def test_without_a_moment_there_is_no_event():
     ids=["every few lengths", "a swell"],
 )
 def test_what_lasts_is_no_event(acts, monkeypatch):
-    monkeypatch.setattr(module, "EVENT_OVER_MOTION", -np.inf)
+    monkeypatch.setattr(module, "CAUSE_OVER_MOTION", -np.inf)
     assert events_of(acts, 5e-5, -np.inf)[-1] == ()
     monkeypatch.setattr(module, "MOST_TIME_SHARE", 1.0)
     assert events_of(acts, 5e-5, -np.inf)[-1] != ()

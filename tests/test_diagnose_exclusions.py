@@ -89,6 +89,7 @@ def passes(
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "_brief", lambda found, best, sought: brief())
     monkeypatch.setattr(exclusions, "dependence_beside", lambda found, best, sought: depends())
+    monkeypatch.setattr(exclusions, "over_motion", lambda found, sought: np.inf)
     monkeypatch.setattr(exclusions, "held_where_stuck", lambda found, *rest: found)
     monkeypatch.setattr(
         exclusions,

@@ -75,6 +75,7 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
         "of_motion": False,
         "covered": False,
         "others_covered": False,
+        "over_motion": np.inf,
     }
     found = dict(vars(facts.grounds_of(problem, comparison).facts))
     re_tuned = found.pop("re_tuned")

@@ -1,5 +1,6 @@
 """Every rule of the verdict on both sides of its threshold; no rule without a case."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -8,6 +9,7 @@ from bayesid.diagnosis.hypotheses.facts import Facts, Named
 from bayesid.diagnosis.hypotheses.rules import NAMING, RULES, WORDS, deciding
 from bayesid.diagnosis.hypotheses.verdict import names_of
 from bayesid.diagnosis.threshold_table import (
+    CAUSE_OVER_MOTION,
     CONFOUNDED_SHARE,
     EVEN_ODDS,
     NAMING_PROBABILITY,
@@ -22,7 +24,8 @@ PLAIN = Facts(
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
     widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
     turns_beside=False, leeway=False, sure=0,
-    form=False, of_motion=False, covered=False, others_covered=False, runs_refute=False,
+    form=False, of_motion=False, covered=False, others_covered=False, over_motion=math.inf,
+    runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
 FAINT = replace(PLAIN, gain=3.9, none_in_set=True, acts=0.3)
@@ -37,6 +40,11 @@ CASES = [
         "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect")}),
     ("unlisted cause", replace(FAINT, outside=EVEN_ODDS + TINY), {
         "outside": (EVEN_ODDS + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
+    ("unlisted cause", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=CAUSE_OVER_MOTION + 0.0), {
+        "over_motion": (CAUSE_OVER_MOTION - TINY, "force of the motion")}),
+    ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-200.0), {
+        "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect"),
+        "over_motion": (9.0, "unlisted cause")}),
     ("coefficients moved", replace(FAINT, conflict=3.5 + TINY, none=EVEN_ODDS - TINY), {
         "conflict": (3.5, "faint"), "none": (EVEN_ODDS + 0.0, "faint"), "none_in_set": (False, "faint"),
         "gain": (4.0, "none not excluded")}),
@@ -134,6 +142,7 @@ NAMES = Named(
 )  # fmt: skip
 SAID = {
     "unlisted cause": ("outside", (), ()),
+    "force of the motion": ("model_form", (), ()),
     "model form": ("model_form", (), ()),
     "shapes of a model form": ("model_form", (), ()),
     "one sure beside a model form": ("effect", ("b",), ()),
@@ -232,6 +241,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "LEAST_REMAINDER_SHARE": 1e-3,
         "FREE_SIGNAL_SLACK": 10.0,
         "BRIEF_EVENT_EVIDENCE": 30.0,
+        "CAUSE_OVER_MOTION": 5.0,
         "STUCK_TRIED": 20.0,
         "STUCK_EVIDENCE": 30.0,
         "WIND_READ_SCATTER": 10.0,

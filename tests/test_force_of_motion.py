@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace as Plain
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from bayesid.diagnosis import dependence_stage
 from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint
 from bayesid.diagnosis.force_of_motion import (
     STATE_DISTANCES,
@@ -84,3 +87,19 @@ def test_a_force_is_one_of_the_motion_where_it_comes_back_with_it(again):
     event = Joint(runs, KNOWN, [signal]).log_evidence
     assert event > Joint(runs, KNOWN, []).log_evidence + 30.0
     assert (force.log_evidence(runs, KNOWN, []) > event) == again
+
+
+def test_a_free_force_is_set_against_it_where_a_cause_outside_is_probable(monkeypatch):
+    rng = np.random.default_rng(3)
+    runs, *_ = random_runs((4,), [rng.standard_normal(30)], rng)
+    none = Joint(runs, KNOWN, ()).log_evidence
+    force = Plain(log_evidence=lambda runs, known, found: none + 470.0)
+    monkeypatch.setattr(dependence_stage, "force_of_motion", lambda sought: force)
+    monkeypatch.setattr(dependence_stage, "force_left", lambda found: 213.0)
+
+    def over(outside):
+        found = Plain(candidates=Plain(probabilities={"outside": outside}))
+        return dependence_stage.over_motion(found, Plain(runs=runs, known=KNOWN))
+
+    assert over(0.51) == pytest.approx(213.0 - 470.0)
+    assert over(0.5) == np.inf

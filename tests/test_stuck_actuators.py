@@ -228,6 +228,7 @@ def passes(monkeypatch, searches, evidences, before=None, left=lambda found: 0.0
     monkeypatch.setattr(stuck_stage, "sought_in", lambda *rest: None)
     monkeypatch.setattr(stuck_stage, "force_left", left)
     monkeypatch.setattr(stuck_stage, "dependence_beside", depends)
+    monkeypatch.setattr(stuck_stage, "over_motion", lambda found, sought: -7.0)
     monkeypatch.setattr(stuck_stage, "with_events", lambda candidates, events, depends: candidates)
     found = before or Compared(Problem(), candidates(0.0))
     if before is not None:
@@ -250,7 +251,8 @@ def values(found):
 
 
 def test_it_is_told_from_thirty_nats_beyond_what_was_tried(monkeypatch):
-    assert values(passes(monkeypatch, [suspect(0.2), Stuck()], [35.0])[1]) == [(0.2, 30.0)]
+    told = passes(monkeypatch, [suspect(0.2), Stuck()], [35.0])[1]
+    assert values(told) == [(0.2, 30.0)] and told.over_motion == -7.0  # asked of what is left beside it
     assert values(passes(monkeypatch, [suspect(0.2), Stuck()], [34.9])[1]) == []
     held, found = passes(monkeypatch, [suspect(0.2, gain=19.9)], [])
     assert held == [] and values(found) == []

@@ -30,7 +30,7 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.event_search import MOST_EVENTS, MOST_TIME_SHARE
 from bayesid.diagnosis.force_of_motion import force_of_motion
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
-from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE, EVENT_OVER_MOTION
+from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE, CAUSE_OVER_MOTION
 from bayesid.estimation.run_data import Array
 
 # Pieces that an event lasts.
@@ -81,7 +81,7 @@ def brief_events(sought: Sought, least: Callable[[], float], tight: bool = False
         if (
             kept >= BRIEF_EVENT_EVIDENCE * len(motions)
             and kept > least()
-            and (tight or kept >= by_motion() + EVENT_OVER_MOTION)
+            and (tight or kept >= by_motion() + CAUSE_OVER_MOTION)
         ):
             share = kept / sum(f.gain for f in motions)
             return tuple(

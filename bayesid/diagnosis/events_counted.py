@@ -112,4 +112,5 @@ def verdict_with(
 def verdict_of(compared: Compared) -> Verdict:
     """Verdict on compared hypotheses, events counted, before any run is left out or held out."""
     problem, candidates = compared.problem, compared.candidates
-    return verdict_with(decide(problem, candidates), problem.events, candidates, compared.dependence)
+    decided = decide(problem, candidates, compared.over_motion)
+    return verdict_with(decided, problem.events, candidates, compared.dependence)

@@ -12,6 +12,7 @@ orders are held where an actuator stuck for longer (`stuck_stage`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -24,7 +25,7 @@ from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
-from bayesid.diagnosis.dependence_stage import dependence_beside
+from bayesid.diagnosis.dependence_stage import dependence_beside, over_motion
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.event_search import find_events
 from bayesid.diagnosis.events_counted import with_events
@@ -47,6 +48,17 @@ class Excluded:
 
     events: tuple[Event, ...] = ()
     readings: Found = ()
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What the best explanation leaves: events, else what a force depends on; `over_motion` as of
+    `Facts`; `untried` is why neither could be looked for."""
+
+    events: tuple[Event, ...] = ()
+    dependence: Dependence | None = None
+    over_motion: float = math.inf
+    untried: str | None = None
 
 
 def compare_without(
@@ -100,16 +112,22 @@ def compare_without(
             return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
-        events, depends, untried = _left(found, trial, excluded.events, notify)
-        if untried:
-            found = replace(found, unable="; ".join(filter(None, (found.unable, untried))))
-        counted_in = with_events(found.candidates, excluded.events, depends)
-        whole = replace(found, candidates=counted_in, uncut=uncut, dependence=depends)
-        if not events:
+        left = _left(found, trial, excluded.events, notify)
+        if left.untried:
+            found = replace(found, unable="; ".join(filter(None, (found.unable, left.untried))))
+        counted_in = with_events(found.candidates, excluded.events, left.dependence)
+        whole = replace(
+            found,
+            candidates=counted_in,
+            uncut=uncut,
+            dependence=left.dependence,
+            over_motion=left.over_motion,
+        )
+        if not left.events:
             return held_where_stuck(whole, model, trial, notify, as_built, seed)
-        uncut = found.problem if any(e.brief for e in events) else None
-        notify(f"the same without {_named(events)}")
-        excluded = Excluded((*excluded.events, *events))
+        uncut = found.problem if any(e.brief for e in left.events) else None
+        notify(f"the same without {_named(left.events)}")
+        excluded = Excluded((*excluded.events, *left.events))
 
 
 def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Found:
@@ -123,26 +141,24 @@ def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Foun
     return stripped(problem.model, problem.logs, base.points, problem.environment.noise_model)[1]
 
 
-def _left(
-    found: Compared, trial: Trial, known: Sequence[Event], notify: Notify
-) -> tuple[tuple[Event, ...], Dependence | None, str | None]:
-    """Further events the best explanation leaves, else what the rest depends on beside the motion, and why
-    neither could be looked for.
+def _left(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify) -> _Left:
+    """Further events the best explanation leaves, else what the rest depends on, and why neither could be
+    looked for.
 
     Gross events first; then, once, brief ones that gain more than a free force that acts in all runs and all
     the time, or more than a model form does.
     """
     best, what = simplest(found.candidates), "brief events"
     if not known and (gross := find_events(found.problem, trial, best, notify)):
-        return gross, None, None
+        return _Left(gross)
     try:
         sought = sought_in(found.problem, best.fit.free, best.fit.followed)
         if not any(e.brief for e in known) and (brief := _brief(found, best, sought)):
-            return brief, None, None
+            return _Left(brief)
         what = "forces with the place or a period"
-        return (), dependence_beside(found, best, sought), None
+        return _Left((), dependence_beside(found, best, sought), over_motion(found, sought))
     except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
-        return (), None, f"{what} could not be looked for ({error})"
+        return _Left(untried=f"{what} could not be looked for ({error})")
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:

@@ -11,6 +11,7 @@ form's. It is tried once: hypotheses with a form cost as much as all others toge
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -42,9 +43,13 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A problem and its hypotheses; `unable` says what could not be tried, and why, `formless` are refits of
-    the problem without the form it has, `uncut` is the problem with the readings of brief events,
-    `dependence` is what a force that is left depends on beside the motion."""
+    """A problem and its hypotheses.
+
+    `unable` says what could not be tried, and why, `formless` are refits of the problem without the form it
+    has, `uncut` is the problem with the readings of brief events, `dependence` is what a force that is left
+    depends on beside the motion, `over_motion` by how much a free force gains more than one of the motion (as
+    of `Facts`).
+    """
 
     problem: DiagnosisProblem
     candidates: HypothesisComparison
@@ -52,6 +57,7 @@ class Compared:
     formless: tuple[RefittedHypothesis, ...] = ()
     uncut: DiagnosisProblem | None = None
     dependence: Dependence | None = None
+    over_motion: float = math.inf
 
 
 def compared(

@@ -20,7 +20,7 @@ from bayesid.diagnosis.actuator_event import ALIKE, AWAY
 from bayesid.diagnosis.cut_runs import linearised, sought_in
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
-from bayesid.diagnosis.dependence_stage import dependence_beside
+from bayesid.diagnosis.dependence_stage import dependence_beside, over_motion
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.events_counted import with_events
 from bayesid.diagnosis.failed_checks import MOST_RUNS
@@ -111,6 +111,7 @@ def _told(found: Compared, newer: Stuck | None) -> tuple[Compared | None, list[s
     try:
         sought = sought_in(found.problem, best.fit.free, best.fit.followed)
         depends = dependence_beside(found, best, sought)
+        found = replace(found, over_motion=over_motion(found, sought))
     except FAILURES as error:
         said.append(f"forces with the place or a period could not be looked for ({error})")
     if newer is not None:

@@ -255,10 +255,10 @@ BRIEF_EVENT_EVIDENCE = Limit(
     "At 20, as LINEARISATION_SCATTER, one was told at 24.5 of a simulated lever arm, and none in 38 opened "
     "trials of the plant without one.",
 )  # fmt: skip
-EVENT_OVER_MOTION = Limit(
-    "EVENT_OVER_MOTION", 5.0, "nats",
-    "How much more brief events must gain, beyond the logarithm of how many were tried, than a force of the "
-    "motion and the controls of any shape in their place.",
+CAUSE_OVER_MOTION = Limit(
+    "CAUSE_OVER_MOTION", 5.0, "nats",
+    "How much more brief events (beyond the logarithm of how many were tried), or a free force in all runs, "
+    "must gain than a force of the motion and the controls of any shape in their place.",
     "As DEPENDENCE_OVER_RIVALS. The execute of a ship's one turn at 35 degrees, told as an event before, "
     "gained 394 nats, such a force 470; of three trials whose rudder jammed 192, 310 and 83, such "
     "a force 175, 222 and 50.",

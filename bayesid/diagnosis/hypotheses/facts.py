@@ -87,6 +87,8 @@ class Facts:
     covered : whether what the form leaves may be as large as each effect of the best, and as all of them; of
         several, those without a size and a list that reads as a gyro's scale are asked with the others only
     others_covered : the same of all effects of the best but those that may be named
+    over_motion : by how much a free force beside the best gains more than a force of the motion and the
+        controls, of any shape [nats]; infinite where it was not asked
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
     """
@@ -116,6 +118,7 @@ class Facts:
     of_motion: bool
     covered: bool
     others_covered: bool
+    over_motion: float
     runs_refute: bool
     runs_disagree: bool
 
@@ -180,8 +183,10 @@ class Grounds:
     runs: CrossValidation | None
 
 
-def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Grounds:
-    """Facts and names of a comparison."""
+def grounds_of(
+    problem: DiagnosisProblem, candidates: HypothesisComparison, over_motion: float = np.inf
+) -> Grounds:
+    """Facts and names of a comparison; `over_motion` as of `Facts`."""
     probability, limit = candidates.probabilities, candidates.thresholds
     none, best = candidates.none, simplest(candidates)
     before = candidates.where.places[0]
@@ -273,6 +278,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
         covered=all_within and bool(best.effects) and set(best.effects) == {*covered, *no_cause},
         others_covered=together and bool(sure) and set(best.effects) == {*sure, *covered},
+        over_motion=over_motion,
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
     )

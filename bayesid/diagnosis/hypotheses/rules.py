@@ -10,7 +10,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bayesid.diagnosis.hypotheses.facts import Facts
-from bayesid.diagnosis.threshold_table import CONFOUNDED_SHARE, EVEN_ODDS, NAMING_PROBABILITY, PRIOR_CONFLICT
+from bayesid.diagnosis.threshold_table import (
+    CAUSE_OVER_MOTION,
+    CONFOUNDED_SHARE,
+    EVEN_ODDS,
+    NAMING_PROBABILITY,
+    PRIOR_CONFLICT,
+)
 
 Word = Literal[
     "none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "model_form", "ambiguous"
@@ -60,10 +66,18 @@ class Rule:
 RULES: tuple[Rule, ...] = (
     Rule(
         "unlisted cause",
-        lambda f: f.free_shows and f.outside > EVEN_ODDS,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion < CAUSE_OVER_MOTION,
         "outside", "nothing", "nothing",
         "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
         "all others together",
+    ),
+    Rule(
+        "force of the motion",
+        lambda f: f.free_shows and f.outside > EVEN_ODDS,
+        "model_form", "nothing", "nothing",
+        "a free signal gains more than chance allows, and what is left beside all effects is explained as "
+        "well by a force of the motion and the controls of some shape",
+        or_none=True,
     ),
     Rule(
         "model form",

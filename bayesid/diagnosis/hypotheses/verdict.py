@@ -47,9 +47,11 @@ class Verdict:
     unnamed: Mapping[str, Unnamed] = field(default_factory=dict)
 
 
-def decide(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Verdict:
-    """Verdict of a comparison."""
-    grounds = grounds_of(problem, candidates)
+def decide(
+    problem: DiagnosisProblem, candidates: HypothesisComparison, over_motion: float = math.inf
+) -> Verdict:
+    """Verdict of a comparison; `over_motion` as of `Facts`."""
+    grounds = grounds_of(problem, candidates, over_motion)
     rule = deciding(grounds.facts)
     effects, confounded, set95 = names_of(rule, grounds.named)
     return Verdict(
@@ -142,6 +144,11 @@ def _reasons(g: Grounds, rule: Rule) -> tuple[str, ...]:
         f"largest coefficient move without an effect: {f.conflict:.1f} prior sd (by chance "
         f"{f.conflict_by_chance:.1f})",
     ]
+    if math.isfinite(f.over_motion):
+        out.append(
+            f"a free force beside it gains {f.over_motion:+.1f} over a force of the motion and the controls, "
+            "of any shape"
+        )
     if f.gains:
         out.append(f"after it a free signal would add {f.left:+.1f}")
         if g.runs is not None:
