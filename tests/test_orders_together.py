@@ -15,6 +15,7 @@ from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError, ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
+from bayesid.estimation.filter_error.read_run import filter_error_run, why_not_straight
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
@@ -311,3 +312,17 @@ def test_the_next_manoeuvre_is_sought_within_the_angles_of_the_named_rudders(fer
     next_manoeuvre.propose(problem, SimpleNamespace(effects={}), [], 0.3)
     turns = [one.commands["delta_r_cmd"] for one in tried if one.name == "turning circle"]
     assert {float(abs(rudder).max()) for rudder in turns} == {rudder_limits(ferry)[0]}
+
+
+@pytest.mark.parametrize("shaft", ["n_port", "n_stbd"])
+def test_a_run_in_which_a_named_shaft_changes_its_revolutions_is_no_straight_one(ferry, shaft):
+    model = build_model(ferry)
+    trial = bayesid.simulate(ferry, "straight:duration=60", seed=1)
+    (run,) = trial.runs
+    channels = [c for c in model.kernel.channels if c in run.data]
+    log = filter_error_run(model, run, dict.fromkeys(channels, 0.01), channels)
+    assert log.straight and why_not_straight(model, log) == ""
+    steps = np.where(run.t > 30.0, 1.1, 1.0) * run.commands[f"{shaft}_cmd"]
+    changed = replace(run, commands={**run.commands, f"{shaft}_cmd": steps})
+    log = filter_error_run(model, changed, dict.fromkeys(channels, 0.01), channels)
+    assert not log.straight and why_not_straight(model, log) == f"its revolutions {shaft} change"

@@ -10,6 +10,7 @@ import pytest
 import bayesid
 from bayesid.analysis.design.limits import limits
 from bayesid.equations.model import build_model
+from bayesid.estimation.filter_error.read_run import filter_error_run, why_not_straight
 from bayesid.model.actuators import Fin
 from bayesid.model.vehicles import load_vehicle
 from bayesid.model.vehicles.orders import (
@@ -141,3 +142,16 @@ def test_their_own_limit_is_that_of_the_planes():
     assert plane_limit(with_fins(replace(f, max_deg=12.0) for f in X)) == pytest.approx(np.radians(12.0))
     bounds = limits(build_model(with_fins(replace(f, max_deg=12.0) for f in X), dof=6))
     assert bounds.plane == pytest.approx(np.radians(12.0))
+
+
+def test_a_run_in_which_they_move_is_no_straight_one():
+    """Though no rudder and no stern plane moves: these the vehicle has not."""
+    auv = with_fins(X)
+    model = build_model(auv, dof=6)
+    trial = bayesid.simulate(auv, "straight:duration=5.5", "vzigzag:8/5,duration=40", dt=0.1)
+    channels = [c for c in model.kernel.channels if c in trial.runs[0].data]
+    straight, waves = (
+        filter_error_run(model, run, dict.fromkeys(channels, 0.01), channels) for run in trial.runs
+    )
+    assert straight.straight and why_not_straight(model, straight) == ""
+    assert not waves.straight and why_not_straight(model, waves) == "its delta_1 moves"

@@ -212,14 +212,8 @@ def orders_of(model: Model, plan: TimePlan, actuator: str) -> Array:
     """(n,) order of an actuator at the samples of a plan, within its limit [rad, rpm]."""
     at = np.minimum(plan.record, plan.steps.size - 1)
     order = np.asarray(plan.command[at, model.kernel.actuators.index(actuator)])
-    limit = limit_of(model, actuator)
+    limit = model.limit(actuator)
     return np.clip(order, -limit, limit)
-
-
-def limit_of(model: Model, actuator: str) -> float:
-    """Largest deflection of an actuator [rad]; infinite where the vehicle file states none."""
-    at = model.index.get(f"limit_{actuator.removeprefix('delta_')}")
-    return float("inf") if at is None else float(model.nominal[at])
 
 
 class Joint:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesid.diagnosis.actuator_event import ABOUT_ORDER, ACTUATOR_PLACES, times_apart, uncertain_times
-from bayesid.diagnosis.cut_runs import CutRun, Sought, cut, limit_of, orders, orders_of
+from bayesid.diagnosis.cut_runs import CutRun, Sought, cut, orders, orders_of
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.hypotheses.localisation import units
 from bayesid.diagnosis.joined_runs import Joined, fewer, joined, longest_runs
@@ -130,7 +130,7 @@ def _of_actuator(sought: Sought, trial: Trial, name: str) -> Stuck:
         if one.first.size:
             left.append(one)
     found: list[tuple[Event, Event]] = []
-    gain, limit = 0.0, limit_of(problem.model, name)
+    gain, limit = 0.0, problem.model.limit(name)
     chosen = float(np.log(2.0 * len(_asked(sought))))  # the better of two values, and one actuator of all
     while left:
         times = [_best_times(rest, o) for o in left]

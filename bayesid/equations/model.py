@@ -54,6 +54,11 @@ class Model:
         """Position of every parameter name."""
         return {name: i for i, name in enumerate(self.kernel.parameters)}
 
+    def limit(self, actuator: str) -> float:
+        """Largest deflection of a fin, or of a thruster that turns [rad]; infinite for any other actuator."""
+        servo = self.kernel.spec.servos.get(actuator)
+        return math.inf if servo is None else float(self.nominal[self.index[f"limit_{servo}"]])
+
     @cached_property
     def states(self) -> tuple[str, ...]:
         """States of the bare model, pose first."""

@@ -23,7 +23,8 @@ FIRST_SLOPE_ERROR = 0.07
 # least duration [L/U], that of the longest correlation time of a disturbance
 # (`noise_identification.LONGEST_TAU`).
 STRAIGHT_FIN_RMS, STRAIGHT_HEADING_SWING, STRAIGHT_COURSE_BEND, STRAIGHT_LENGTHS = 0.1, 0.26, 0.01, 6.0
-FINS = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
+# Swing of revolutions over the largest of any shaft; what turns at most where the file states no limit [rad].
+STRAIGHT_RPM_SWING, LARGEST_ANGLE = 0.02, 0.6
 NAMES = {"delta_r": "rudder", "delta_s": "stern plane", "delta_b": "bow plane"}
 # Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
 FIRST_SPEED_LENGTHS = 5.0
@@ -158,24 +159,25 @@ def _bent(model: Model, plan: TimePlan, heading: Array | None) -> str:
     """Why a run is none in which nothing was ordered and the vehicle keeps a course, empty where it is one:
     there what moves it sideways is the environment.
 
-    Revolutions are held; every fin moves little about its mean, as one does that answers; the heading stays
-    within 15 degrees, if need be of a course so slowly bent that the vehicle does not feel it. Held fins
-    alone do not make a run straight: a remus100 whose rudder stands 1 degree off turns half as fast as it
-    ever can, and then the cause moves it. The run lasts as long as the slowest disturbance, which in less
-    time is a constant without a level.
+    Revolutions are held; every fin, and every thruster that turns, moves little about its mean, as one does
+    that answers; the heading stays within 15 degrees, if need be of a course so slowly bent that the vehicle
+    does not feel it. Held fins alone do not make a run straight: a remus100 whose rudder stands 1 degree off
+    turns half as fast as it ever can, and then the cause moves it. The run lasts as long as the slowest
+    disturbance, which in less time is a constant without a level.
     """
     a = model.kernel.actuators
     time = model.scales["L"] / model.scales["U"]
-    rpm = plan.command[:, a.index("n")]
-    if np.ptp(rpm) > 0.02 * max(1.0, np.abs(rpm).max()):
-        return "its revolutions change"
+    shafts = [k for k, name in enumerate(a) if name not in model.kernel.spec.servos]
+    swing = np.ptp(plan.command[:, shafts], axis=0)
+    k = int(np.argmax(swing))
+    if swing[k] > STRAIGHT_RPM_SWING * max(1.0, np.abs(plan.command[:, shafts]).max()):
+        name = a[shafts[k]]
+        return f"its revolutions {'' if name == 'n' else f'{name} '}change"
     if plan.t[-1] - plan.t[0] < STRAIGHT_LENGTHS * time:
         return f"it is shorter than {STRAIGHT_LENGTHS:g} lengths"
-    for name, letter in FINS.items():
-        if name in a:
-            limit = min(float(model.nominal[model.index[f"limit_{letter}"]]), 0.6)
-            if np.std(plan.command[:, a.index(name)]) >= STRAIGHT_FIN_RMS * limit:
-                return f"its {NAMES[name]} moves"
+    for name in (n for n in a if n in model.kernel.spec.servos):
+        if np.std(plan.command[:, a.index(name)]) >= STRAIGHT_FIN_RMS * min(model.limit(name), LARGEST_ANGLE):
+            return f"its {NAMES.get(name, name)} moves"
     if heading is None:
         return "its heading is not known"
     if np.ptp(heading) < STRAIGHT_HEADING_SWING:
