@@ -145,17 +145,31 @@ def test_forces_that_are_no_coefficients_are_scaled_by_one_effect_each_and_twins
     assert single < set(whole_forces(replace(vehicle, fins=apart).actuators))
 
 
+def held_fit(vehicle, signals, names, *failed, still=()):
+    orders = {f"{s}_cmd": np.full(9, 0.0 if s in still else 0.2) for s in signals}
+    return SimpleNamespace(
+        trial=SimpleNamespace(identify=[SimpleNamespace(commands=orders, measured_inputs={})]),
+        vehicle=vehicle, problem=SimpleNamespace(params=SimpleNamespace(names=names)),
+        fit=SimpleNamespace(uncertainty={}), posterior=SimpleNamespace(not_final=lambda: list(failed)),
+    )  # fmt: skip
+
+
+def test_a_fit_that_is_not_final_asks_for_the_thrust_it_holds():
+    auv = load_vehicle("remus100")
+    (said,) = actuator_words(held_fit(auv, ("n", "delta_r"), ("Y_v",), "the runs disagree"))
+    assert said.endswith("`--with thrust_loss`.")
+    freed = held_fit(auv, ("n", "delta_r"), ("Y_v", "thrust_loss.loss"), "the runs disagree")
+    assert actuator_words(freed) == []
+    assert actuator_words(held_fit(auv, ("n",), ("Y_v",))) == []
+    assert actuator_words(held_fit(auv, ("n",), ("Y_v",), "the runs disagree", still=("n",))) == []
+
+
 def test_a_fit_that_is_not_final_asks_for_the_forces_it_holds(zigzags):
     model = model_of(zigzags)
 
     def fit(names, *failed, still=()):
         every = {s for a in model.vehicle.actuators for s in a.signals}
-        orders = {f"{s}_cmd": np.full(9, 0.0 if s in still else 0.2) for s in every}
-        return SimpleNamespace(
-            trial=SimpleNamespace(identify=[SimpleNamespace(commands=orders, measured_inputs={})]),
-            vehicle=model.vehicle, problem=SimpleNamespace(params=SimpleNamespace(names=names)),
-            fit=SimpleNamespace(uncertainty={}), posterior=SimpleNamespace(not_final=lambda: list(failed)),
-        )  # fmt: skip
+        return held_fit(model.vehicle, every, names, *failed, still=still)
 
     every = list(whole_forces(model.vehicle.actuators))
     (said,) = actuator_words(fit(("Y_v",), "the runs disagree"))

@@ -50,6 +50,7 @@ from bayesid.report.fit import (
 from bayesid.report.fit_effects import effect_words
 from bayesid.report.fit_first_screen import headline, moved
 from bayesid.report.fit_form import form_rows_of
+from bayesid.report.fit_held import actuator_words, freeing_words
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -268,6 +269,7 @@ class FitResult(Result):
         if words := moved(found):
             lines.append(words)
         lines += [f"CHECK FAILED: {text}" for text in failed_checks(found)]
+        lines += [s.replace("`", "") for s in (*freeing_words(found), *actuator_words(found))]
         lines += [
             "",
             f"{found.trial.name}: {size}, {result.seconds:.1f} s",

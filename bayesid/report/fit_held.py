@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.effects.named import whole_forces
-from bayesid.model.vehicles.orders import spread
+from bayesid.model.vehicles.orders import has_propeller, spread
 from bayesid.report.fit_first_screen import percent
 from bayesid.words import digits, first_few
 
@@ -51,16 +51,20 @@ def freeing_words(found: TrialFit) -> list[str]:
 
 
 def actuator_words(found: TrialFit) -> list[str]:
-    """What to type where a fit is not final and holds forces of named actuators that act in a fitted run."""
+    """What to type where a fit is not final and holds thrust, or forces of named actuators, that act in a
+    fitted run."""
     not_final = held_words(found) or (found.posterior is not None and found.posterior.not_final())
     freed = {name.partition(".")[0] for name in found.problem.params.names}
     inputs = [
         spread(found.vehicle, {**run.commands, **{f"{k}_cmd": v for k, v in run.measured_inputs.items()}})
         for run in found.trial.identify
     ]
+    forces = whole_forces(found.vehicle.actuators)
+    if has_propeller(found.vehicle):
+        forces = {"thrust_loss": ("n",), **forces}
     held = [
         name
-        for name, signals in whole_forces(found.vehicle.actuators).items()
+        for name, signals in forces.items()
         if name not in freed and any(np.any(run.get(f"{s}_cmd", 0.0)) for run in inputs for s in signals)
     ]
     if not not_final or not held:
