@@ -43,8 +43,9 @@ def identify(
 ) -> int:
     """Say which coefficients and combinations a trial fixes, and which rest on the prior.
 
-    Looks at the vehicle's own values (or those of --fit) with readings the vehicle itself would give: no
-    fit, seconds. --out gets a report; an interrupted profile goes on where it was.
+    Looks at the vehicle's own values (or those of --fit) with readings the vehicle itself would give. What is
+    linear takes seconds (--no-profile); the refits around every coefficient take minutes, in six degrees of
+    freedom up to hours. --out gets a report; an interrupted profile goes on where it was.
     """
     from bayesid.api.identify import identify as run
     from bayesid.cli.output import answer
