@@ -30,6 +30,21 @@ def test_a_zigzag_of_a_boat_without_a_rudder_is_refused_and_a_table_is_not(tmp_p
     assert held[fine.t == 19.5] == 900 and held[fine.t == 20.0] == 700 and held[fine.t == 30.0] == 700
 
 
+def test_an_order_that_nothing_obeys_is_refused_with_the_columns_there_are(tmp_path):
+    (tmp_path / "orders.csv").write_text("t[s],delta_r_cmd[deg],n_cmd[rpm]\n0,0,800\n10,15,800\n40,15,800\n")
+    with pytest.raises(ManoeuvreError, match=r"obeys delta_r_cmd; order its.*n_stbd_cmd"):
+        bayesid.simulate("differential_boat", f"table:{tmp_path / 'orders.csv'}")
+    amidships = (tmp_path / "orders.csv").read_text().replace(",15,", ",0,")
+    (tmp_path / "orders.csv").write_text(amidships)
+    (run,) = bayesid.simulate("differential_boat", f"table:{tmp_path / 'orders.csv'}").runs
+    assert run.data["u"][-1] > 0.1  # n_cmd is that of both thrusters
+
+
+def test_a_manoeuvre_with_the_rudder_amidships_needs_none():
+    (run,) = bayesid.simulate("differential_boat", "straight:duration=20,rpm=800").runs
+    assert np.abs(run.data["psi"]).max() < 0.2 and set(run.commands) == {"n_port_cmd", "n_stbd_cmd"}
+
+
 def test_rows_every_step_hold_the_commands_and_rows_near_a_step_are_not_doubled():
     order = OpenLoop("steps", np.array([0.0, 0.1 * 3, 1.0]), {"delta_r_cmd": np.array([0.0, 0.2, 0.1])})
     fine = with_rows_every(order, 0.1)

@@ -24,12 +24,19 @@ from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
-from bayesid.model.vehicles.orders import plane_limit, rudder_limits, steers, without_rudder
+from bayesid.model.vehicles.orders import (
+    obeyed,
+    plane_limit,
+    rudder_limits,
+    together,
+    without_rudder,
+)
 from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.measured_wind import in_measured_wind
 from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
+from bayesid.words import and_list
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
@@ -217,19 +224,25 @@ def ordered(
     found: dict[str, Manoeuvre] = {}
     for text in texts:
         order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
-        if not table and not steers(model.vehicle):
-            ship = model.vehicle
-            raise ManoeuvreError(
-                f"{text}: {ship.name} {without_rudder(ship)}; order its actuators by a table "
-                f"({table_of(ship)})"
-            )
+        ship, commands = model.vehicle, getattr(order, "commands", {"delta_r_cmd": 1.0})
+        idle = [
+            name for name in ("delta_r", "delta_s", "delta_b", "n")
+            if name not in obeyed(ship) and np.any(commands.get(f"{name}_cmd", 0.0))
+        ]  # fmt: skip
+        if idle:
+            which = and_list([f"{name}_cmd" for name in idle])
+            without = without_rudder(ship) if idle == ["delta_r"] else "is not made for that"
+            why = f"nothing of {ship.name} obeys {which}" if table else f"{ship.name} {without}"
+            raise ManoeuvreError(f"{text}: {why}; order its actuators by a table ({table_of(ship)})")
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order
     return found
 
 
 def table_of(vehicle: Vehicle) -> str:
     """How a table of orders of a vehicle with actuators of its own is given, in words."""
-    orders = [channel(f"{signal}_cmd") for actuator in vehicle.actuators for signal in actuator.signals]
+    own = [signal for actuator in vehicle.actuators for signal in actuator.signals]
+    usual = [name for name in obeyed(vehicle) if not together(vehicle).get(name)]
+    orders = [channel(f"{name}_cmd") for name in (*own, *usual)]
     names = ", ".join(f"{order.name}[{order.shown[1]}]" for order in orders)
     return f"table:FILE.csv with columns t[s], {names}"
 

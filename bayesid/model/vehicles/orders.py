@@ -54,6 +54,15 @@ def missing_actuators(vehicle: Vehicle) -> set[str]:
     return {name for name, has in there.items() if not has}
 
 
+def obeyed(vehicle: Vehicle) -> tuple[str, ...]:
+    """Of the orders "delta_r", "delta_s", "delta_b", "n" those that something of a vehicle obeys."""
+    missing = missing_actuators(vehicle)
+    if vehicle.actuators and not has_rows(vehicle, "db"):
+        missing = missing | {"delta_b"}
+    named = {name for name, columns in together(vehicle).items() if columns}
+    return tuple(name for name in ("delta_r", "delta_s", "delta_b", "n") if name not in missing - named)
+
+
 def named_rudders(vehicle: Vehicle) -> tuple[str, ...]:
     """Names of the fins of [actuators.NAME] that push sideways."""
     return tuple(fin.name for fin in vehicle.fins if _sideways(fin))
@@ -187,8 +196,10 @@ def gathered(vehicle: Vehicle, inputs: Mapping[str, Any], ending: str = "_cmd") 
 
 
 def own_orders(vehicle: Vehicle, orders: Mapping[str, Any]) -> dict[str, Any]:
-    """Orders by the columns a vehicle has: named rudders, planes and shafts in place of the common orders."""
-    common = {f"{name}_cmd" for name, signs in together(vehicle).items() if signs}
+    """Orders by the columns a vehicle has: named rudders, planes and shafts in place of the common orders,
+    none that nothing obeys."""
+    named, its = together(vehicle), obeyed(vehicle)
+    common = {f"{n}_cmd" for n in ("delta_r", "delta_s", "delta_b", "n") if named.get(n) or n not in its}
     return {name: values for name, values in spread(vehicle, orders).items() if name not in common}
 
 
