@@ -43,9 +43,13 @@ def random_runs(counts, resid, rng):
 def test_its_columns_are_the_correlation_of_all_motions():
     state = np.random.default_rng(0).standard_normal((30, 3))
     for distance in STATE_DISTANCES:
-        root, exact = _root(state, distance), correlation(state, state, distance)
+        root, exact = _root(state, distance, 99), correlation(state, state, distance)
         assert np.abs(root @ root.T - exact).max() < 1e-2
         assert np.abs(np.diag(root @ root.T) - 1.0).max() < 1e-4
+    few = _root(state, STATE_DISTANCES[0], 5)
+    assert (
+        few.shape == (30, 5) and np.linalg.eigvalsh(correlation(state, state, 0.3) - few @ few.T)[0] > -1e-9
+    )
     far = correlation(np.zeros((1, 3)), np.ones((1, 3)), 0.5)  # 3 apart, two usual motions are 6
     assert far[0, 0] == pytest.approx(np.exp(-0.5 * 3.0 / (6.0 * 0.25)))
 
@@ -82,7 +86,7 @@ def test_a_force_is_one_of_the_motion_where_it_comes_back_with_it(again):
     resid = (push + rng.standard_normal(240)).reshape(2, 120)
     runs, *_ = random_runs((count, count), list(resid), np.random.default_rng(2))
     state = np.concatenate([motion, motion])
-    force = ForceOfMotion(tuple(_root(state, d) for d in STATE_DISTANCES), (0, 1))
+    force = ForceOfMotion(tuple(_root(state, d, 99) for d in STATE_DISTANCES), (0, 1))
     signal = BriefSignal(0.0, 0, "N", 5, 8, count + np.arange(5, 8), 0.6 * np.eye(3))
     event = Joint(runs, KNOWN, [signal]).log_evidence
     assert event > Joint(runs, KNOWN, []).log_evidence + 30.0

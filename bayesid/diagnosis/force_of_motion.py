@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, Sought
 from bayesid.diagnosis.hypotheses.localisation import units
-from bayesid.diagnosis.joined_runs import pieces_of
+from bayesid.diagnosis.joined_runs import MOST_COLUMNS, pieces_of
 from bayesid.estimation.run_data import Array
 
 # Distances over which the force changes, over that of two usual motions; its sizes over units.
@@ -101,7 +101,8 @@ def force_of_motion(sought: Sought) -> ForceOfMotion:
     sizes = [units(model)[n] for n in forces]
     state = pieces_of(model, sought.paths, sought.runs, sought.paths[0].point.par, sizes).state
     rows = tuple(sought.signals.index(n) for n in forces)
-    return ForceOfMotion(tuple(_root(state, distance) for distance in STATE_DISTANCES), rows)
+    most = MOST_COLUMNS // len(rows)
+    return ForceOfMotion(tuple(_root(state, distance, most) for distance in STATE_DISTANCES), rows)
 
 
 def correlation(state: Array, others: Array, distance: float) -> Array:
@@ -117,10 +118,11 @@ def correlation(state: Array, others: Array, distance: float) -> Array:
     return np.asarray(np.exp(-0.5 * apart / (usual * distance**2)))
 
 
-def _root(state: Array, distance: float) -> Array:
-    """(m, k) columns whose products are the correlation of all pieces, by Cholesky with pivots."""
+def _root(state: Array, distance: float, most: int) -> Array:
+    """(m, k) columns whose products are the correlation of all pieces, by Cholesky with pivots; of more than
+    `most` those that leave least variance."""
     left, columns = np.ones(len(state)), np.zeros((len(state), 0))
-    while left.max() > NEGLIGIBLE:
+    while left.max() > NEGLIGIBLE and columns.shape[1] < most:
         k = int(np.argmax(left))
         new = correlation(state, state[[k]], distance)[:, 0] - columns @ columns[k]
         columns = np.column_stack([columns, new / np.sqrt(left[k])])
