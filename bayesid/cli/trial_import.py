@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from bayesid.trials.importing import LogMap, Proposal
     from bayesid.trials.importing.again import Replaced
-    from bayesid.trials.importing.named_actuators import Steering
     from bayesid.trials.mistakes import InputFinding
 
 ASKED = 3  # exit code: a map was written and asks something
@@ -170,9 +169,11 @@ def _map(
     guided : neither the questions nor how to go on are printed
     """
     from bayesid.cli.output import command, print_text
+    from bayesid.model.vehicles import load_vehicle
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
     from bayesid.trials.importing.again import may_import_again
     from bayesid.trials.importing.in_place import needs_import
+    from bayesid.trials.importing.named_actuators import Steering, steering_of
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -191,7 +192,8 @@ def _map(
         )
     whole = out.resolve()
     name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
-    proposal = propose(sources, _vehicle(vehicle, out), name, steering=_steered_by(vehicle))
+    steering = Steering() if vehicle is None else steering_of(load_vehicle(vehicle))
+    proposal = propose(sources, _vehicle(vehicle, out), name, steering=steering)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -277,23 +279,6 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
     else:
         print_text(f"Next: log anew what {which} is about; no line of trial.toml mends it.")
     print_text(f"Then: {command('trial', 'check', out)}")
-
-
-def _steered_by(vehicle: str | None) -> Steering:
-    """What steers a vehicle without a rudder."""
-    from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.orders import (
-        has_rudder,
-        missing_actuators,
-        together,
-    )
-    from bayesid.trials.importing.named_actuators import Steering, sides_across
-
-    if vehicle is None or has_rudder(ship := load_vehicle(vehicle)):
-        return Steering()
-    across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
-    absent = frozenset(missing_actuators(ship))
-    return Steering(tuple(across), sides_across(across), absent, together(ship))
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:
