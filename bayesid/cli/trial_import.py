@@ -95,6 +95,12 @@ def imported(
     print_text(
         f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
     )
+    own, other = _name_of(out), _name_of(map_file.parent)
+    if found.name == other != own:  # proposed for another trial; a name of the user's own is none of a folder
+        print_text(
+            f"  - the trial is called {other!r}, by the map {map_file} of another, not {own!r} as its "
+            f"folder; edit `name` in {out / 'trial.toml'}"
+        )
     notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
     for text in notices[:6]:
         print_text(f"  - {text}")
@@ -190,10 +196,8 @@ def _map(
         raise ImportLogError(
             f"{map_file} is there already; carry it out with --map {map_file}, or delete it for a new one"
         )
-    whole = out.resolve()
-    name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
     steering = Steering() if vehicle is None else steering_of(load_vehicle(vehicle))
-    proposal = propose(sources, _vehicle(vehicle, out), name, steering=steering)
+    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -208,6 +212,13 @@ def _map(
     print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
     print_text(command("trial", verb, *sources, "--map", map_file, *more))
     return None, map_file
+
+
+def _name_of(out: Path) -> str:
+    """Name of a trial that is imported to a folder; `bayesid start` makes one called bayesid in that of the
+    logs."""
+    whole = out.resolve()
+    return whole.parent.name if out.name == "bayesid" else whole.name
 
 
 def _say_replaced(done: Replaced, out: Path) -> None:
