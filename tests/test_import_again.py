@@ -250,3 +250,14 @@ def test_no_run_is_written_over_the_log_it_is_made_of(tmp_path, capsys):
     assert run([*line, "--out", str(tmp_path)]) == 2
     assert "is one of the logs" in capsys.readouterr().err
     assert (tmp_path / "dive.csv").read_bytes() == log and not (tmp_path / "trial.toml").exists()
+
+
+@pytest.mark.parametrize(("name", "told"), [("bundle", True), ("dive", False), ("second", False)])
+def test_a_trial_imported_by_the_map_of_another_tells_whose_name_it_has(bundle, tmp_path, capsys, name, told):
+    out, (*words, _) = bundle
+    (out / "map.toml").write_text(MAP.replace('name = "dive"  # mine', f'name = "{name}"'))
+    capsys.readouterr()
+    assert run([*words, str(tmp_path / "second")]) == 0
+    said = capsys.readouterr().out
+    assert ("the trial is called 'bundle'" in said) is told
+    assert load_trial(tmp_path / "second").name == name

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bayesid.cli.choices import Bundle, Data, Vehicle
 from bayesid.cli.options import Json, Out, Verbose
 from bayesid.cli.terminal import BAD_INPUT, OK, WRONG_LOG
-from bayesid.words import counted
+from bayesid.words import and_list, counted
 
 if TYPE_CHECKING:
     from bayesid.trials import Trial
@@ -46,14 +46,16 @@ def check(
     from bayesid.api.check import check as run
     from bayesid.cli.output import print_json
     from bayesid.files import write_json
+    from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import load_trial, trial_summary
 
     trial = load_trial(bundle, data)
     problem = None if vehicle else _vehicle_problem(trial)
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
-    summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
     reference = vehicle or trial.vehicle_ref
-    in_plane = problem is None and bool(reference) and trial.dof == 6 and _moves_in_plane(reference)
+    ship = load_vehicle(reference) if problem is None and reference else None
+    summary = {**trial_summary(trial, ship), "vehicle_problem": problem, **found.record()}
+    in_plane = ship is not None and trial.dof == 6 and ship.planar_only
     if in_plane:
         summary["dof"] = 3
     summary["warnings"] = [*found.check.left_open, *summary["warnings"], *found.still]
@@ -66,7 +68,7 @@ def check(
     if as_json:
         print_json(summary)
     else:
-        _print(summary, found.mistakes, found.lacking, verbose, in_plane)
+        _print(summary, found.mistakes, found.lacking, verbose, in_plane, ship is not None)
     if problem is not None:
         return BAD_INPUT
     return WRONG_LOG if found.mistakes else OK
@@ -86,12 +88,6 @@ def _vehicle_problem(trial: Trial) -> str | None:
     return None
 
 
-def _moves_in_plane(reference: str) -> bool:
-    from bayesid.model.vehicles import load_vehicle
-
-    return load_vehicle(reference).planar_only
-
-
 def _print_list(sentences: Sequence[str]) -> None:
     from bayesid.cli.output import print_text
 
@@ -106,6 +102,7 @@ def _print(
     lacking: Sequence[str],
     verbose: bool,
     in_plane: bool = False,
+    ship_known: bool = False,
 ) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.input import grouped
@@ -129,8 +126,8 @@ def _print(
         _print_list(lacking)
     print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
     print_text(_roles(summary))
-    if any({"delta_r", "delta_r_cmd"} & set(run["inputs"]) for run in summary["runs"]):
-        print_text("Rudder angles count positive to port, whatever side the log counts.")
+    for line in _rudder_lines(summary["runs"], ship_known):
+        print_text(line)
     print_text()
     print_table(
         ["channel", "unit", "stated noise", "seen noise"],
@@ -163,6 +160,25 @@ def _roles(summary: dict[str, Any]) -> str:
             'No run is held out, so no prediction can be judged: give one `role = "holdout"` in trial.toml.'
         )
     return "A run with the role `holdout` is held out: read only to judge what was found from the others."
+
+
+def _rudder_lines(runs: Sequence[dict[str, Any]], ship_known: bool) -> list[str]:
+    """Whose angle `rudder [deg]` is, and to which side it counts."""
+    each = {tuple(run["rudder_of"]) for run in runs}
+    lines = []
+    if ("delta_r",) in each:
+        lines.append("Rudder angles count positive to port, whatever side the log counts.")
+    for names in sorted(names for names in each if len(names) > 1):
+        lines.append(
+            f"rudder [deg] is the mean of {and_list(names)}, which steer together; positive to port."
+        )
+    alone = sorted(names[0] for names in each if len(names) == 1 and names != ("delta_r",))
+    if alone:
+        tells = "" if ship_known else "; which of them steer together a vehicle file tells (--vehicle)"
+        lines.append(
+            f"rudder [deg] is {' or '.join(alone)} alone, of those logged the one that moves most{tells}."
+        )
+    return lines
 
 
 def _run_row(run: dict[str, Any]) -> list[Any]:

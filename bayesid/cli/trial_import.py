@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from bayesid.trials.importing import LogMap, Proposal
     from bayesid.trials.importing.again import Replaced
-    from bayesid.trials.importing.named_actuators import Steering
     from bayesid.trials.mistakes import InputFinding
 
 ASKED = 3  # exit code: a map was written and asks something
@@ -96,6 +95,12 @@ def imported(
     print_text(
         f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
     )
+    own, other = _name_of(out), _name_of(map_file.parent)
+    if found.name == other != own:  # proposed for another trial; a name of the user's own is none of a folder
+        print_text(
+            f"  - the trial is called {other!r}, by the map {map_file} of another, not {own!r} as its "
+            f"folder; edit `name` in {out / 'trial.toml'}"
+        )
     notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
     for text in notices[:6]:
         print_text(f"  - {text}")
@@ -170,9 +175,11 @@ def _map(
     guided : neither the questions nor how to go on are printed
     """
     from bayesid.cli.output import command, print_text
+    from bayesid.model.vehicles import load_vehicle
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
     from bayesid.trials.importing.again import may_import_again
     from bayesid.trials.importing.in_place import needs_import
+    from bayesid.trials.importing.named_actuators import Steering, steering_of
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -189,9 +196,8 @@ def _map(
         raise ImportLogError(
             f"{map_file} is there already; carry it out with --map {map_file}, or delete it for a new one"
         )
-    whole = out.resolve()
-    name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
-    proposal = propose(sources, _vehicle(vehicle, out), name, steering=_steered_by(vehicle))
+    steering = Steering() if vehicle is None else steering_of(load_vehicle(vehicle))
+    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -206,6 +212,13 @@ def _map(
     print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
     print_text(command("trial", verb, *sources, "--map", map_file, *more))
     return None, map_file
+
+
+def _name_of(out: Path) -> str:
+    """Name of a trial that is imported to a folder; `bayesid start` makes one called bayesid in that of the
+    logs."""
+    whole = out.resolve()
+    return whole.parent.name if out.name == "bayesid" else whole.name
 
 
 def _say_replaced(done: Replaced, out: Path) -> None:
@@ -277,23 +290,6 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
     else:
         print_text(f"Next: log anew what {which} is about; no line of trial.toml mends it.")
     print_text(f"Then: {command('trial', 'check', out)}")
-
-
-def _steered_by(vehicle: str | None) -> Steering:
-    """What steers a vehicle without a rudder."""
-    from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.orders import (
-        has_rudder,
-        missing_actuators,
-        together,
-    )
-    from bayesid.trials.importing.named_actuators import Steering, sides_across
-
-    if vehicle is None or has_rudder(ship := load_vehicle(vehicle)):
-        return Steering()
-    across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
-    absent = frozenset(missing_actuators(ship))
-    return Steering(tuple(across), sides_across(across), absent, together(ship))
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:

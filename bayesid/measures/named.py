@@ -66,8 +66,8 @@ def _turn(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[
     return rows, m.reasons
 
 
-def _zigzag_rows(m: Any) -> Rows:
-    rows: Rows = [("rudder", m.rudder / DEG, "deg"), ("switch", m.switch / DEG, "deg")]
+def _zigzag_rows(m: Any, fin: str = "rudder") -> Rows:
+    rows: Rows = [(fin, m.rudder / DEG, "deg"), ("switch", m.switch / DEG, "deg")]
     rows += [(f"overshoot {k}", value / DEG, "deg") for k, value in enumerate(m.overshoots, 1)]
     rows += [
         ("initial turning time", m.initial_turning_time, "s"),
@@ -85,7 +85,11 @@ def _zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mappin
 
 def _vertical_zigzag(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
     m = zigzag(t, data["theta"], data["delta_s"], orders_t=data.get(ORDER_TIMES))
-    return [row for row in _zigzag_rows(m) if row[0] != "initial turning distance"], m.reasons
+    rows = [row for row in _zigzag_rows(m, "stern plane") if row[0] != "initial turning distance"]
+    reasons = {k: why for k, why in m.reasons.items() if k != "initial_turning_distance"}
+    for of_course, upright in _UPRIGHT_WORDS:
+        reasons = {k: why.replace(of_course, upright) for k, why in reasons.items()}
+    return rows, reasons
 
 
 def _pull_out(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Mapping[str, str]]:
@@ -103,6 +107,13 @@ def _dieudonne(t: np.ndarray, data: Mapping[str, np.ndarray]) -> tuple[Rows, Map
     return rows, m.reasons
 
 
+# words of a reason about course and rudder, in the vertical plane
+_UPRIGHT_WORDS = (
+    ("rudder", "stern plane"),
+    ("headings", "pitch angles"),
+    ("heading", "pitch"),
+    ("the base course", "that"),
+)
 Measure = Callable[[np.ndarray, Mapping[str, np.ndarray]], tuple[Rows, Mapping[str, str]]]
 KINDS: tuple[tuple[tuple[str, ...], str, Measure], ...] = (
     (("zigzag",), "zig-zag", _zigzag),

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel
+from bayesid.model.vehicles.orders import gathered, rudders_together
+from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
@@ -24,18 +26,25 @@ _DEG = math.pi / 180.0
 LEAST_PIECE, PIECES = 1.0, 50  # [s] and number of pieces, between which a track's speed is taken
 
 
-def trial_summary(trial: Trial) -> dict[str, Any]:
+def trial_summary(trial: Trial, vehicle: Vehicle | None = None) -> dict[str, Any]:
     """Plain data: numbers, texts, lists and dicts only (JSON-ready; angles in degrees where the key says so).
 
+    Parameters
+    ----------
+    vehicle : whose named rudders or fins count as one, at their mean angle; None where it is not known
+
+    Notes
+    -----
     Keys: name, digest, vehicle, dof, runs (list), noise (per channel: stated, estimated, ratio), warnings.
     Per run: samples, duration, dt (median, least, greatest), gaps, missing (share per channel), spikes,
-    ranges, checks (track, yaw, rudder). `noise` is the median over runs; estimated from the high-frequency
-    rest, so a filtered log shows less and a fast vehicle sampled slowly shows more than its sensor noise."""
+    ranges, rudder_of (inputs of which `rudder_deg` is the mean), checks (track, yaw, rudder). `noise` is the
+    median over runs; estimated from the high-frequency rest, so a filtered log shows less and a fast vehicle
+    sampled slowly shows more than its sensor noise."""
     runs, estimates = [], []
     for run in trial.runs:
         with np.errstate(all="ignore"):
             noise = {name: rough_noise(run.t, values) for name, values in run.data.items()}
-            runs.append(_run(run, noise))
+            runs.append(_run(run, noise, vehicle))
         estimates.append(noise)
     warnings = list(trial.warnings)
     seen = seen_noise(trial.identify or trial.runs, trial.noise)
@@ -90,12 +99,13 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
     }
 
 
-def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
+def _run(run: Run, noise: dict[str, float], vehicle: Vehicle | None) -> dict[str, Any]:
     step = np.diff(run.t)
     usual = float(np.median(step))
     gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
     found = {name: spikes(run.t, values, noise[name]) for name, values in run.data.items()}
-    track, yaw, rudder = check_track(run), check_yaw(run), check_rudder(run)
+    steered, rudder_of = _steered(run, vehicle)
+    track, yaw, rudder = check_track(run), check_yaw(run), check_rudder(steered)
     return {
         "name": run.name,
         "manoeuvre": run.manoeuvre,
@@ -112,8 +122,9 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
         "speed": _range(_speed(run)),
         "heading_turned_deg": _range(run.data.get("psi"), _DEG),
         "yaw_rate_deg_s": _range(run.data.get("r"), _DEG),
-        "rudder_deg": _range(_widest(run, "delta_r", "delta_", ("delta_s", "delta_b")), _DEG),
-        "rpm": _range(_widest(run, "n", "n_")),
+        "rudder_deg": _range(None if not rudder_of else steered.input("delta_r"), _DEG),
+        "rudder_of": rudder_of,
+        "rpm": _range(steered.input(_widest(steered, "n", "n_"))),
         "wind_speed": _range(run.exogenous.get("wind_speed")),
         "channels": list(run.data),
         "inputs": [*run.commands, *run.measured_inputs],
@@ -157,13 +168,34 @@ def _speed_of_track(run: Run) -> Floats | None:
     return np.hypot(ahead, aside) / span
 
 
-def _widest(run: Run, name: str, named: str, but: Sequence[str] = ()) -> Floats | None:
-    """The rudder or shaft of a run; of those with names but `but`, the one that moves most."""
-    if (own := run.input(name)) is not None:
-        return own
+def _steered(run: Run, vehicle: Vehicle | None) -> tuple[Run, list[str]]:
+    """A run with `delta_r`, and the inputs this is of: itself, those that steer the vehicle together, or of
+    named ones the one that moves most; none where nothing is logged that may be a rudder."""
+    if vehicle is not None:
+        run = dataclasses.replace(
+            run,
+            commands=gathered(vehicle, run.commands),
+            measured_inputs=gathered(vehicle, run.measured_inputs, ""),
+        )
+        together = [name for name in rudders_together(vehicle) if run.input(name) is not None]
+        if together and run.input("delta_r") is not None:
+            return run, together
+    one = _widest(run, "delta_r", "delta_", ("delta_s", "delta_b"))
+    values = run.input(one)
+    if values is None or one == "delta_r":
+        return run, [] if values is None else [one]
+    return dataclasses.replace(run, measured_inputs={**run.measured_inputs, "delta_r": values}), [one]
+
+
+def _widest(run: Run, name: str, named: str, but: Sequence[str] = ()) -> str:
+    """Input that is the rudder or shaft of a run; of those with names but `but`, the one that moves most."""
     inputs = {k.removesuffix("_cmd") for k in (*run.commands, *run.measured_inputs)}
-    there = [x for k in sorted(inputs - set(but)) if k.startswith(named) and (x := run.input(k)) is not None]
-    return max(there, key=lambda x: float(np.nanmax(x) - np.nanmin(x)), default=None)
+    there = {
+        k: x for k in sorted(inputs - set(but)) if k.startswith(named) and (x := run.input(k)) is not None
+    }
+    if name in inputs or not there:
+        return name
+    return max(there, key=lambda k: float(np.nanmax(there[k]) - np.nanmin(there[k])))
 
 
 def _range(values: Floats | None, unit: float = 1.0) -> list[float] | None:

@@ -185,7 +185,14 @@ def gathered(vehicle: Vehicle, inputs: Mapping[str, Any], ending: str = "_cmd") 
     inputs : channel -> number or (n,) array [rad, rpm]; `delta_r` positive to port
     ending : "_cmd" of orders, "" of measured positions
     """
-    out, common_orders = dict(inputs), together(vehicle)
+    return gathered_by(together(vehicle), inputs, ending)
+
+
+def gathered_by(
+    common_orders: Mapping[str, Mapping[str, float]], inputs: Mapping[str, Any], ending: str = "_cmd"
+) -> dict[str, Any]:
+    """`gathered` of a vehicle whose `together` is at hand."""
+    out = dict(inputs)
     shared = set(common_orders.get("delta_r", ())) & set(common_orders.get("delta_s", ()))
     for common, signs in common_orders.items():
         there = [sign * inputs[name + ending] for name, sign in signs.items() if name + ending in inputs]

@@ -107,7 +107,7 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     legs = _turned_by_leg(rudder, psi, 0.3 * big) if same and flips else []
     if legs and max(legs) > LONGEST_LEG:
         return ("turn", f"turns {degrees}") if np.median(legs) > LONGEST_LEG else ("random", "random orders")
-    if same and flips >= 2 and flips == signs.size - 1:
+    if same and flips >= 2 and flips == signs.size - 1 and _is_over(rudder, size):
         return _zigzag(t, rudder, psi, degrees)
     steps = np.sign(np.diff(levels[held > 0.0]))
     runs = 1 + int(np.sum(steps[1:] * steps[:-1] < 0)) if steps.size else 0
@@ -131,6 +131,13 @@ def _is_held(t: Floats, rudder: Floats, size: float) -> bool:
     beyond = np.abs(rudder) > size + max(0.5 * size, 3.0 * _DEG)
     moved = np.flatnonzero(np.abs(rudder) > 0.3 * size)
     return not beyond.any() and bool(np.mean(near[moved[0] :]) > 0.5)
+
+
+def _is_over(rudder: Floats, size: float) -> bool:
+    """Whether a rudder that is put from side to side rests there; one that waves as a sine does so for .39 of
+    the time."""
+    near = np.abs(np.abs(rudder) - size) < max(0.12 * size, 1.0 * _DEG)
+    return bool(np.mean(near[np.abs(rudder) > 0.3 * size]) > 0.5)
 
 
 def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tuple[str, str]:

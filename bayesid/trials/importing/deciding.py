@@ -20,6 +20,7 @@ from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
+from bayesid.trials.importing.resting import rests
 from bayesid.trials.importing.roles import WORLD_WORDS
 from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
@@ -391,12 +392,7 @@ def _depth(draft: Draft) -> None:
 
 
 def _rudder(draft: Draft) -> None:
-    roles = [
-        r
-        for r in ("delta_r_cmd", "delta_r", "delta_s_cmd", "delta_s", "delta_b_cmd", "delta_b")
-        if draft.has(r)
-    ]
-    for role in roles:
+    for role in [name for name in draft.map.channels if name.startswith("delta_")]:
         raw = draft.raw(role)
         top = float(np.max(np.abs(raw))) if raw.size else 0.0
         unit = draft.map.channels[role].unit
@@ -418,7 +414,7 @@ def _rudder(draft: Draft) -> None:
                 )
         elif unit == "rad" and top > 1.6:
             draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")
-        elif unit == "deg" and 0.0 < top < 0.8:
+        elif unit == "deg" and 0.0 < top < 0.8 and not rests(draft, role):
             draft.ask(1, f"{role} {name} is labelled deg and stays within {top:.2g}; radians?")
     both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
     if not both:

@@ -19,6 +19,7 @@ class Draft:
     """A map in the making; `weight` 0 is the most important question.
 
     by_part : series read by a part of their name -> their last word, where it stands for a unit not known
+    resting : roles left out because they never change -> their value, in the log's unit
     """
 
     map: LogMap
@@ -31,6 +32,7 @@ class Draft:
     handed: bool = False
     mirror: bool = False
     by_part: dict[str, str | None] = field(default_factory=dict)
+    resting: dict[str, float] = field(default_factory=dict)
 
     def ask(self, weight: int, text: str) -> None:
         if text not in [t for _, t in self.asked]:

@@ -1,4 +1,4 @@
-"""Which actuator of a vehicle a series is of, by the side or the number in its name.
+"""Which actuator of a vehicle a series is of, by the place or the number in its name.
 
 Takes what the vehicle is steered by. Does not: read a series whose name fits two of them, or none.
 """
@@ -6,9 +6,11 @@ Takes what the vehicle is steered by. Does not: read a series whose name fits tw
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from bayesid.model.vehicles.orders import has_rudder, missing_actuators, together
+from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.importing.names import Guess, guess_role
 from bayesid.trials.importing.raw import RawChannel
 
@@ -17,10 +19,17 @@ SIDES = {
     "stbd": frozenset({"stbd", "starboard", "stb", "sb", "right", "steuerbord", "tribord", "strb"}),
     "bow": frozenset({"bow", "bug"}),
     "stern": frozenset({"stern", "aft", "heck"}),
+    "upper": frozenset({"upper", "top", "oben"}),
+    "lower": frozenset({"lower", "bottom", "unten"}),
 }
+_PLACE_OF = {word: place for place, words in SIDES.items() for word in words}
 _KINDS = {"delta_r": "delta", "n": "n"}  # role of a name without its actuator -> first word of an input
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
+_FIN = re.compile(
+    r"\b(?:(?:x )?(?:rudder|ruder|fin|hydroplane|plane|flap)|(?:control )?surface|(?P<letter>x))s?\b"
+)
+_ASIDE = 0.1  # of the extent of the fins at one end, within which one stands in the middle
 
 
 @dataclass(frozen=True)
@@ -33,12 +42,24 @@ class Steering:
     sides : input whose name is a number -> "port" or "stbd", where one alone is on that side
     absent : "delta_r" and "n", where the vehicle has none
     together : "delta_r" and "n" -> the inputs one order of it moves, with the sign to which each then turns
+    places : input of a fin -> where it stands, as {"upper", "port", "stern"}
     """
 
     inputs: tuple[str, ...] = ()
     sides: Mapping[str, str] = field(default_factory=dict)
     absent: frozenset[str] = frozenset()
     together: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    places: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+
+def steering_of(ship: Vehicle) -> Steering:
+    """What steers a vehicle without a rudder; nothing of its own for one that has a rudder."""
+    if has_rudder(ship):
+        return Steering()
+    across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
+    places = fin_places({signal: fin.at for fin in ship.fins for signal in fin.signals})
+    absent = frozenset(missing_actuators(ship))
+    return Steering(tuple(across), sides_across(across), absent, together(ship), places)
 
 
 def sides_across(across: Mapping[str, float]) -> dict[str, str]:
@@ -52,6 +73,26 @@ def sides_across(across: Mapping[str, float]) -> dict[str, str]:
     return found
 
 
+def fin_places(at: Mapping[str, Sequence[float]]) -> dict[str, frozenset[str]]:
+    """Input of a fin -> words of where it stands among the fins at its end of the vehicle.
+
+    Parameters
+    ----------
+    at : input -> x ahead, y to starboard, z down [m]
+    """
+    found: dict[str, frozenset[str]] = {}
+    for name, (x, y, z) in at.items():
+        beside = [other for other in at.values() if other[0] * x > 0.0]
+        heights = [other[2] for other in beside]
+        near = _ASIDE * max((max(abs(other[1]), abs(other[2])) for other in beside), default=0.0)
+        down = z - 0.5 * (max(heights) + min(heights)) if heights else 0.0
+        words = {"stern" if x < 0.0 else "bow"} if x else set()
+        words |= {"port" if y < 0.0 else "stbd"} if abs(y) > near else set()
+        words |= {"upper" if down < 0.0 else "lower"} if abs(down) > near else set()
+        found[name] = frozenset(words)
+    return found
+
+
 def named_guess(channel: RawChannel, steering: Steering) -> Guess | None:
     """The input of the vehicle a series is by its name; None if none, or more than one."""
     bare = _UNIT.sub("", channel.name)
@@ -59,14 +100,26 @@ def named_guess(channel: RawChannel, steering: Steering) -> Guess | None:
     found: list[Guess] = []
     for name in steering.inputs:
         kind, _, own = name.partition("_")
-        mine = {own} | SIDES.get(own, frozenset()) | SIDES.get(steering.sides.get(name, ""), frozenset())
-        rest = [word for word in words if word not in mine]
-        if len(rest) != len(words) - 1 or not rest:
+        its = {own, steering.sides.get(name, own), *steering.places.get(name, ())}
+        rest = [word for word in words if word != own and _PLACE_OF.get(word) not in its]
+        if len(rest) == len(words) or any(word in _PLACE_OF for word in rest):
             continue
-        guess = guess_role(replace(channel, name=" ".join(rest)))
-        if guess is not None and guess.score >= 2.0 and _KINDS.get(guess.role) == kind:
-            found.append(Guess(name, 2.0, guess.ordered))
+        guess = _guess_of(kind, replace(channel, name=" ".join(rest)))
+        if guess is not None:
+            found.append(replace(guess, role=name))
     return found[0] if len(found) == 1 else None
+
+
+def _guess_of(kind: str, channel: RawChannel) -> Guess | None:
+    """What the name of an actuator without its place says, where that is of the kind of an input."""
+    fin = _FIN.search(channel.name) if kind == "delta" else None
+    name = channel.name if fin is None else _FIN.sub("rudder", channel.name, count=1)
+    guess = guess_role(replace(channel, name=name))
+    if guess is None or guess.score < 2.0 or _KINDS.get(guess.role) != kind:
+        return None
+    # a bare X may be many things: an angle is one of a fin, without a unit it is asked
+    sure = fin is None or not fin["letter"] or channel.unit is not None
+    return Guess(guess.role, 2.0 if sure else 0.9, guess.ordered)
 
 
 def all_of_one_kind(role: str, steering: Steering) -> list[str]:

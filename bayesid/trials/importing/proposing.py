@@ -28,6 +28,7 @@ from bayesid.trials.importing.named_actuators import Steering, all_of_one_kind, 
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
 from bayesid.trials.importing.readers import read_log
+from bayesid.trials.importing.resting import UPRIGHT, drop_constant
 from bayesid.trials.importing.roles import QUATERNION, ROLES
 from bayesid.trials.importing.run_list import list_runs
 from bayesid.trials.importing.stamps import ask_stamps
@@ -94,7 +95,7 @@ def propose(
     for weight, text in doubts:
         draft.ask(weight, text)
     unused = _name(draft, recordings, steering)
-    _drop_constant(draft)
+    drop_constant(draft)
     _needs(draft, recordings, unused, steering.inputs)
     _declared_axes(draft, logs)
     if ask_apart(draft):
@@ -105,7 +106,7 @@ def propose(
         ask_stamps(draft)
         _ask_time(draft, logs)
     ask_assumed_units(draft)
-    runs, looks = list_runs(draft, groups)
+    runs, looks = list_runs(draft, groups, steering.together)
     step = _step(logs)
     if step is not None:
         draft.remark(
@@ -120,7 +121,7 @@ def propose(
     if _longest(recordings) < FEWEST_SAMPLES:  # the rest is of columns that so few samples do not tell
         asked = asked[:1]
     questions = tuple(text for _, text in asked)
-    if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
+    if not any(role in UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
         draft.map = replace(draft.map, dof=3)
     draft.map = replace(draft.map, world=draft.map.world or "ned", body=draft.map.body or "frd")
     found = replace(draft.map, questions=questions, runs=tuple(runs), step=step)
@@ -332,31 +333,6 @@ def _in_steps(channels: Sequence[RawChannel]) -> bool:
 
 
 _WORD = re.compile(r"[a-z]+|[0-9]+")
-_UPRIGHT = (
-    "z",
-    "depth",
-    "height",
-    "phi",
-    "theta",
-    "w",
-    "p",
-    "q",
-    "delta_s",
-    "delta_s_cmd",
-    "delta_b",
-    "delta_b_cmd",
-)
-
-
-def _drop_constant(draft: Draft) -> None:
-    """Series of the vertical plane that never change tell nothing and would make the trial one of 6 degrees
-    of freedom."""
-    still = [r for r in _UPRIGHT if draft.has(r) and (raw := draft.raw(r)).size and float(np.ptp(raw)) == 0.0]
-    if still:
-        draft.map = replace(
-            draft.map, channels={k: v for k, v in draft.map.channels.items() if k not in still}
-        )
-        draft.remark(f"{', '.join(still)} never change and are left out")
 
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs: Sequence[str]) -> None:

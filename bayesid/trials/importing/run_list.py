@@ -6,25 +6,36 @@ Takes a `Draft` whose channels are decided. Does not: decide channels.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from bayesid.model.channels import ACTUATOR_NAMES
+from bayesid.model.vehicles.orders import gathered_by
 from bayesid.trials.importing.agreement import common_run
 from bayesid.trials.importing.converting import convert
-from bayesid.trials.importing.cutting import Piece, between_runs, classify, cut
+from bayesid.trials.importing.cutting import NEUTRAL, Piece, between_runs, classify, cut
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import RunMap
 from bayesid.trials.importing.seen_motion import STRAIGHT, UNSTEERED, motion_words
 from bayesid.trials.trial import Floats, Run
 
 AFTER = 0.25  # of a turn, for which its rudder stays amidships after it in a pull-out
+# Of a change of depth: how far a depth that is kept may be off; of a run: how long it is kept at least
+SETTLED, LEAST_STAY = 0.1, 0.15
 SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 
 
-def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap], dict[tuple[str, ...], Run]]:
-    """Runs cut by their commands, one after the other; the last is kept for judging where there are three."""
+def list_runs(
+    draft: Draft, groups: list[tuple[str, ...]], together: Mapping[str, Mapping[str, float]]
+) -> tuple[list[RunMap], dict[tuple[str, ...], Run]]:
+    """Runs cut by their commands, one after the other; the last is kept for judging where there are three.
+
+    Parameters
+    ----------
+    together : "delta_r", "delta_s" -> the inputs of the vehicle that make its rudder and planes, with signs
+    """
     runs: list[RunMap] = []
     looks: dict[tuple[str, ...], Run] = {}
     used: set[str] = set()
@@ -34,6 +45,11 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
         if look is None:
             runs.append(RunMap(_fresh(stem, used), files))
             continue
+        look = replace(
+            look,
+            commands=gathered_by(together, look.commands),
+            measured_inputs=gathered_by(together, look.measured_inputs, ""),
+        )
         looks[files] = look
         pieces = _pieces(look)
         series, _, _ = convert(draft.map, recording)
@@ -112,7 +128,28 @@ def _in_the_vertical(look: Run) -> str:
     if planes is None or not np.isfinite(planes).all():
         return ""
     kind, words = classify(look.t, planes, look.data.get("theta"))
-    return f"vertical {words}" if kind == "zigzag" else "" if kind == "straight" else "stern plane orders"
+    if kind == "zigzag":
+        return f"vertical {words}"
+    if kind == "straight" and float(np.ptp(planes)) < 2.0 * NEUTRAL:
+        return ""
+    return _depth_changed(look) or ("" if kind == "straight" else "stern plane orders")
+
+
+def _depth_changed(look: Run) -> str:
+    """By how much deeper or shallower than at first a vehicle runs longest, as words; empty where it stays
+    nowhere near the furthest it goes from there."""
+    z = look.data.get("z", np.zeros(0))
+    z = z[np.isfinite(z)]
+    if z.size < 200:
+        return ""
+    at_first = z[: z.size // 50 + 10]
+    off = z - float(np.median(at_first))
+    furthest, spread = float(np.max(np.abs(off))), float(np.std(at_first))
+    levels = [float(np.median(part)) for part in np.array_split(off, 20)]
+    away = [level for level in levels if abs(level) > max(0.5 * furthest, spread / SETTLED)]
+    stays = [off[np.abs(off - level) < SETTLED * abs(level)] for level in away]
+    longest = max(stays, key=len, default=off[:0])
+    return f"depth change {abs(np.median(longest)):.2g} m" if longest.size > LEAST_STAY * off.size else ""
 
 
 def _pieces(look: Run) -> list[Piece]:
