@@ -36,6 +36,7 @@ NEEDS = frozenset({"t", "x", "y", "u", "u_water", "psi", "theta", "phi", "r", "q
 LEAST = math.radians(1.0)  # rms of what the fins turn the vehicle from which on it is seen
 GAIN_SD = 0.4  # of the logarithm of turn over simulated turn
 MOST_GAIN = math.exp(2 * GAIN_SD)
+COUPLED = 0.3  # of the angle that fins turn most, as much as other motions turn the others
 UNEXPLAINED = GAIN_SD**2  # share of the square of a turn that a right simulator may well leave
 
 
@@ -75,7 +76,7 @@ def _exchanged(a: str, b: str) -> Mistake:
         f"{a} and {b} exchanged",
         f"{_words((a, b))} are exchanged, or their names in the vehicle file are",
         Correction(exchange=((a, b), (f"{a}_cmd", f"{b}_cmd"))),
-        RARE,
+        USUAL,  # more of a kind than other columns that are exchanged
     )
 
 
@@ -90,9 +91,11 @@ def fins_density(model: Model, run: Run, fins: Sequence[str]) -> float | None:
 
     Notes
     -----
-    Over n pieces of a run the share of the square of these changes that a simulation leaves, at the gain
-    that suits it best, is f: -n/2 log(1 + f/f0), the marginal likelihood of residuals whose size is known no
-    better than that of the simulator's errors, f0.
+    Every angle is measured by what the fins could turn it if all pushed the same way: a hull that pitches
+    little for its fins tells as much by its pitch as by its turn, down to `COUPLED` of the largest: below,
+    what the other motions do to it is in the way. Over n pieces of a run the share of the square of these
+    changes that a simulation leaves, at the gain that suits it best, is f: -n/2 log(1 + f/f0), the marginal
+    likelihood of residuals whose size is known no better than that of the simulator's errors, f0.
     """
     try:
         found = _changes(model, run, fins)
@@ -100,18 +103,22 @@ def fins_density(model: Model, run: Run, fins: Sequence[str]) -> float | None:
         return None
     if found is None:
         return None
-    logged, simulated = (each - each.mean(axis=0) for each in found)
-    size = float(np.sum(logged**2))
-    if not size > len(logged) * LEAST**2:
+    most = np.sqrt(np.mean(found[2] ** 2, axis=0))
+    most = np.maximum(most, COUPLED * most.max())
+    logged, simulated = (each - each.mean(axis=0) for each in found[:2])
+    if not float(np.sum(logged**2)) > len(logged) * LEAST**2 or not most.all():
         return None
+    logged, simulated = logged / most, simulated / most
+    size = float(np.sum(logged**2))
     power = float(np.sum(simulated**2))
     gain = min(max(float(np.sum(simulated * logged)) / power, 0.0), MOST_GAIN) if power > 0.0 else 0.0
     left = float(np.sum((logged - gain * simulated) ** 2)) / size
     return -0.5 * len(logged) * math.log1p(left / UNEXPLAINED)
 
 
-def _changes(model: Model, run: Run, fins: Sequence[str]) -> tuple[Array, Array] | None:
-    """(pieces, angles) changes of the angles beyond those of a free start, logged and simulated."""
+def _changes(model: Model, run: Run, fins: Sequence[str]) -> Array | None:
+    """(3, pieces, angles) changes of the angles beyond those of a free start: logged, simulated, and the most
+    that the fins, each with the side of its own, could make of them."""
     speed, angles = speed_of(run), [angle for angle in ANGLES if angle in run.data]
     orders = [order for fin in fins if (order := run.input(fin)) is not None]
     if speed is None or not angles or not any(np.ptp(order) > 0.0 for order in orders):
@@ -129,8 +136,7 @@ def _changes(model: Model, run: Run, fins: Sequence[str]) -> tuple[Array, Array]
         rows += [] if row is None else [row]
     if len(rows) < FEWEST:
         return None
-    logged, simulated = np.array(rows).transpose(1, 0, 2)
-    return logged, simulated
+    return np.array(rows).transpose(1, 0, 2)
 
 
 def _piece(
@@ -142,7 +148,7 @@ def _piece(
     inside: Array,
     travel: float,
 ) -> Array | None:
-    """(2, angles) changes over a piece, logged and simulated; None if not read."""
+    """(3, angles) changes over a piece as of `_changes`; None if not read."""
     t = run.t[inside]
     start = start_of(model, run, speed, "theta", t[0], travel)
     read = [change_between(run.t, run.data[angle], t[0], t[-1], travel) for angle in angles]
@@ -152,15 +158,24 @@ def _piece(
         {k: v[inside] for k, v in group.items()}
         for group in (run.commands, run.measured_inputs, run.exogenous)
     )
-    names = {name for fin in fins for name in (f"{fin}_cmd", fin)}
-    free = [{k: np.zeros(v.shape) if k in names else v for k, v in group.items()} for group in groups]
-    at, changes = [model.states.index(angle) for angle in angles], []
-    for commands, measured in (groups, free):
+    at = [model.states.index(angle) for angle in angles]
+
+    def turned(moving: Sequence[str]) -> Array:
+        still = {name for fin in fins if fin not in moving for name in (f"{fin}_cmd", fin)}
+        commands, measured = (
+            {k: np.zeros(v.shape) if k in still else v for k, v in group.items()} for group in groups
+        )
         states = simulate(model, model.nominal, plan_run(model, t, commands, measured, wind), start).states
-        changes.append(states[-1, at] - states[0, at])
-    moved, alone = changes
-    both = np.array([np.array(read) - alone, moved - alone])
-    return both if np.isfinite(both).all() else None
+        return states[-1, at] - states[0, at]
+
+    free = turned(())
+    each = [
+        abs(turned((fin,)) - free)
+        for fin in fins
+        if fin in run.measured_inputs or f"{fin}_cmd" in run.commands
+    ]
+    found = np.array([np.array(read) - free, turned(fins) - free, np.sum(each, axis=0)])
+    return found if np.isfinite(found).all() else None
 
 
 def shown(model: Model, runs: Sequence[Run]) -> tuple[tuple[str, ...], tuple[str, ...]]:
