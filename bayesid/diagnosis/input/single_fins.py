@@ -31,8 +31,6 @@ SINGLE = "single fins"  # key of what this tells
 ANGLES = ("psi", "theta", "phi")
 PIECES, PIECE = 12, 4.0  # of a run; length of a piece in L/U
 FEWEST = 4  # pieces
-# channels that matter to it, beside those of the fins
-NEEDS = frozenset({"t", "x", "y", "u", "u_water", "psi", "theta", "phi", "r", "q", "p", "n", "n_cmd"})
 LEAST = math.radians(1.0)  # rms of what the fins turn the vehicle from which on it is seen
 GAIN_SD = 0.4  # of the logarithm of turn over simulated turn
 MOST_GAIN = math.exp(2 * GAIN_SD)
