@@ -30,7 +30,8 @@ def listing(
     """List the effects of the catalogue."""
     from bayesid.cli.output import print_json, print_table
 
-    found = _catalogue(effects, vehicle)
+    every, idle = _catalogue(effects, vehicle)
+    found = [e for e in every if e.name not in idle]
     if as_json:
         print_json({e.name: _plain(e) for e in found})
         return
@@ -54,13 +55,24 @@ def show(
     from bayesid.errors import ModelError
     from bayesid.model.effects.describe import describe
 
-    known = {other: e for e in _catalogue(effects, vehicle) for other in (e.name, *e.aliases)}
+    every, idle = _catalogue(effects, vehicle)
+    known = {other: e for e in every for other in (e.name, *e.aliases)}
     if name not in known:
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        other = "" if vehicle else ", with --vehicle those of its actuators"
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; `bayesid effect list` names all{other}"
+        hint = f"; did you mean {', '.join(near)}?" if near else "; `bayesid effect list` names all"
+        if not vehicle:
+            hint += (
+                " Effects of named actuators are those of a vehicle: add --vehicle FILE"
+                if near
+                else (", with --vehicle FILE those of its named actuators")
+            )
         raise ModelError(f"no effect {name!r}{hint}")
     effect = known[name]
+    if effect.name in idle:
+        raise ModelError(
+            f"effect {name!r} cannot act on {vehicle}, which {idle[effect.name]}; "
+            f"`bayesid effect list --vehicle {vehicle}` names those that can"
+        )
     if as_json:
         print_json(_plain(effect))
         return
@@ -70,17 +82,21 @@ def show(
     print_text(f"\ntry it: bayesid simulate {whom} --set {key}=VALUE")
 
 
-def _catalogue(path: Any, vehicle: str | None) -> tuple[Effect, ...]:
+def _catalogue(path: Any, vehicle: str | None) -> tuple[tuple[Effect, ...], dict[str, str]]:
+    """The effects, and which of them cannot act on the vehicle: name -> what it lacks."""
     from bayesid.api.inputs import declared_effects
     from bayesid.model.effects import CATALOGUE, catalogue_of
     from bayesid.model.effects.named import named_effects
     from bayesid.model.vehicles import load_vehicle
+    from bayesid.model.vehicles.orders import missing_actuators
 
     if vehicle is None:
-        return (*CATALOGUE, *declared_effects(path))
+        return (*CATALOGUE, *declared_effects(path)), {}
     found = load_vehicle(vehicle)
-    of_its_own = named_effects(found.actuators, found.rpm_ref)
-    return (*catalogue_of(found.propulsion.model == "mmg"), *of_its_own, *declared_effects(path))
+    common, missing = catalogue_of(found.propulsion.model == "mmg"), missing_actuators(found)
+    idle = {e.name: "moves in the plane only" for e in common if found.planar_only and not e.acts_in(3)}
+    idle |= {e.name: f"has no {e.needs}" for e in common if e.needs in missing}
+    return (*common, *named_effects(found.actuators, found.rpm_ref), *declared_effects(path)), idle
 
 
 def _parameters(effect: Effect) -> list[str]:

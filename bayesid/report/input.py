@@ -23,6 +23,7 @@ TOLD = {
     "rudder": "the turn after the rudder", "sway": "the side to which it slides in turns",
     "size": "the size of the numbers", "vehicle's speed": "the vehicle's speed at its revolutions",
     "vehicle's turn": "how the vehicle turns for its rudder",
+    "vehicle's single fins": "how it turns, pitches and rolls for each fin",
     "vehicle's steering": "the turn after its rudders",
     "vehicle's drift": "how it slides as it turns",
     "vehicle's pitch": "how it pitches for its planes", "vehicle's heave": "how it heaves as it pitches",

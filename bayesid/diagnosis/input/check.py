@@ -14,6 +14,7 @@ from bayesid.diagnosis.input.simulator_instead import (
     open_to_the_simulator,
     weighed_against_simulator,
 )
+from bayesid.diagnosis.input.single_fins import shown, single_fins
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.errors import TrialError
@@ -55,6 +56,7 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         elif wind.finding is None:
             wind = check_wind(right, model)
             found = _with_wind(found, wind)
+        found = _with_fins(found, right, model)
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
     return replace(found, remarks=() if wrong is None else (wrong,))
 
@@ -95,6 +97,15 @@ def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
     if wind.in_order:
         return replace(found, in_order=(*found.in_order, WIND_WORDS))
     return found if wind.untested else replace(found, unseen=(*found.unseen, WIND_WORDS))
+
+
+def _with_fins(found: InputCheck, right: Trial, model: Model) -> InputCheck:
+    """With what was asked of the named fins; nothing is said of fins beside a mistake of one of them."""
+    fins = {name for fin in single_fins(model) for name in (fin, f"{fin}_cmd")}
+    if any(f.correction is None or fins & set(f.channels) for f in found.findings):
+        return found
+    told, untold = shown(model, right.identify)
+    return replace(found, in_order=(*found.in_order, *told), unseen=(*found.unseen, *untold))
 
 
 def _mended_run(run: Run, correction: Correction) -> Run:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesid.diagnosis.input.single_fins import SINGLE, single_fins
 from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, steering, turn_after
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.simulator.mending import mended_model, numbers_of
@@ -40,7 +41,10 @@ def behaviour_of(model: Model, runs: Sequence[Run], seen: bool = False) -> Vehic
             "steering": SIGNS["rudder"] | fins,
             **{turn_after(fin): SIGNS["rudder"] | {fin, f"{fin}_cmd"} for fin in named},
         }
-    return VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)), seen, needs, named)
+    single = single_fins(model)
+    if single:  # of no other channel: a simulator's turn and pitch are no measure of these
+        needs[SINGLE] = frozenset(name for fin in single for name in (fin, f"{fin}_cmd"))
+    return VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)), seen, needs, named, single)
 
 
 def mended_simulators(model: Model) -> Iterator[tuple[str, Model]]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bayesid.diagnosis.input.pieces import SLIDE, change_between, line_at, speed_of, start_of
+from bayesid.diagnosis.input.single_fins import SINGLE, fins_density, mistakes_of_fins
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
@@ -43,10 +45,8 @@ NEEDS = {
     "pitch": frozenset({"t", "u", "w", "q", "theta", "delta_s", "delta_s_cmd", "x", "y"}),
     "heave": frozenset({"u", "u_water", "w", "w_water", "q", "theta", "delta_s", "delta_s_cmd"}),
 }
-# fins -> the angle they turn, what is told of turn and slide; angle -> its rate, the slide that goes with it,
-# and that slide over rate and length as a turn begins: a hull slides outwards
+# fins -> the angle they turn, what is told of turn and slide
 FINS = {("delta_r",): ("psi", "turn", "drift"), ("delta_s",): ("theta", "pitch", "heave")}
-SLIDE = {"psi": ("r", "v", -0.3), "theta": ("q", "w", 0.3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,7 @@ class VehicleBehaviour:
     seen : whether a turn has to be seen: a simulator in question that scatters must not be excused by it
     needs : what is told -> channels that matter to it
     steering : fins that turn it; named ones where it has no `delta_r`
+    single : named fins asked one by one, as they turn, pitch and roll it together
     """
 
     model: Model
@@ -66,12 +67,14 @@ class VehicleBehaviour:
     seen: bool = False
     needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
     steering: tuple[str, ...] = ("delta_r",)
+    single: tuple[str, ...] = ()
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """Mistakes of channels that only this vehicle has: named rudders with the opposite sign."""
+        """Mistakes of channels that only this vehicle has: named fins with the opposite sign or exchanged."""
+        of_fins = mistakes_of_fins(self.model) if self.single else ()
         if self.steering == ("delta_r",):
-            return ()
+            return of_fins
         scale = {name: -1.0 for fin in self.steering for name in (fin, f"{fin}_cmd")}
         many = len(self.steering) > 1
         says = (
@@ -86,6 +89,7 @@ class VehicleBehaviour:
                 Correction(scale=scale),
                 COMMON,
             ),
+            *of_fins,
         )
 
     def __call__(self, run: Run) -> dict[str, float]:
@@ -108,6 +112,10 @@ class VehicleBehaviour:
                 if gains[0] is not None and gains[1] is not None and _turned(*gains[0]):
                     # steered the other way round: how it slides tells nothing of the sign of v or w
                     out[slide] = min(out[slide], self.weight * WRONG_SIDE)
+            if self.single:
+                # not weighted: how much a fin pushes is an error all runs share, to which side is none
+                told = fins_density(self.model, run, self.single)
+                out |= {} if told is None else {SINGLE: told}
             if self.steering != ("delta_r",):  # the sign of that one the channels tell by themselves
                 signs = sign_evidence(_with_rudder(self.model, run, self.steering), ("rudder",))
                 out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
@@ -175,7 +183,7 @@ def speed_ratio(model: Model, run: Run) -> float | None:
 
     None where unknown, and of a vehicle without a propeller of its own, whose thrusters make its speed.
     """
-    n, speed = run.input("n"), _speed(run)
+    n, speed = run.input("n"), speed_of(run)
     if n is None or speed is None or "n" in missing_actuators(model.vehicle):
         return None
     usual = float(np.median(n))
@@ -198,7 +206,7 @@ def speed_beside_simulation(model: Model, run: Run) -> float | None:
     A run that begins at rest, or turns hard, does not reach the first. 1 where one is above and the other
     below; None as in `speed_ratio`.
     """
-    steady, speed = speed_ratio(model, run), _speed(run)
+    steady, speed = speed_ratio(model, run), speed_of(run)
     if steady is None or speed is None:
         return steady
     simulated = _simulated_speed(model, run, speed)
@@ -216,7 +224,7 @@ def speed_beside_simulation(model: Model, run: Run) -> float | None:
 def _simulated_speed(model: Model, run: Run, speed: Array) -> Array | None:
     """(n,) speed ahead of a simulation from the first readings; None where it diverges."""
     travel = min(model.scales["L"] / model.scales["U"], 0.2 * run.duration)
-    start = _start(model, run, speed, "psi", float(run.t[0]), travel)
+    start = start_of(model, run, speed, "psi", float(run.t[0]), travel)
     if start is None:
         return None
     try:
@@ -238,7 +246,7 @@ def fin_gains(model: Model, run: Run, fins: Sequence[str], angle: str) -> tuple[
     tuple                      (gain, sd) each; None where the run does not say, and of a fin there is not
     """
     orders = [order for fin in fins if (order := run.input(fin)) is not None]
-    speed = _speed(run)
+    speed = speed_of(run)
     if speed is None or angle not in run.data or not any(np.ptp(order) > 0.0 for order in orders):
         return None, None
     if missing_actuators(model.vehicle) & set(fins):
@@ -284,8 +292,8 @@ def _piece(
     if inside.sum() < 3:
         return None
     t = run.t[inside]
-    turned = _ends(run.t, run.data[angle], t[0], t[-1], travel)
-    start = _start(model, run, speed, angle, t[0], travel)
+    turned = change_between(run.t, run.data[angle], t[0], t[-1], travel)
+    start = start_of(model, run, speed, angle, t[0], travel)
     if turned is None or start is None:
         return None
     *groups, wind = (
@@ -304,71 +312,5 @@ def _piece(
     if not np.isfinite(ends).all():
         return None
     side = next((run.data[k] for k in (slide, f"{slide}_water") if k in run.data), None)
-    slid = None if side is None else _line(run.t, side, t[-1], travel)
+    slid = None if side is None else line_at(run.t, side, t[-1], travel)
     return turned - ends[1], ends[0] - ends[1], math.nan if slid is None else slid[0], last[0]
-
-
-def _ends(t: Array, values: Array, first: float, last: float, around: float) -> float | None:
-    """Change of a reading between two times, each by a line through its neighbours."""
-    a, b = _line(t, values, first, around), _line(t, values, last, around)
-    return None if a is None or b is None else b[0] - a[0]
-
-
-def _line(t: Array, values: Array, at: float, around: float) -> tuple[float, float] | None:
-    """Value and slope at a time."""
-    good = np.isfinite(values)
-    near = good & (np.abs(t - at) <= 0.5 * around)
-    if near.sum() < 3:  # sampled too coarsely for a line: the reading itself, and its neighbours' slope
-        if good.sum() < 3:
-            return None
-        knots, read = t[good], values[good]
-        k = int(np.clip(np.searchsorted(knots, at), 1, knots.size - 2))
-        return float(np.interp(at, knots, read)), float(
-            (read[k + 1] - read[k - 1]) / (knots[k + 1] - knots[k - 1])
-        )
-    since, read = t[near] - at, values[near]
-    middle, mean = float(since.mean()), float(read.mean())
-    spread = since - middle
-    slope = float(spread @ read) / float(spread @ spread)
-    return mean - slope * middle, slope
-
-
-def _start(model: Model, run: Run, speed: Array, angle: str, t0: float, travel: float) -> Array | None:
-    """State at a time, as read; what is not read is zero, but the sway (heave) that goes with a turn."""
-    out = np.zeros(len(model.states))
-    place = {name: k for k, name in enumerate(model.states)}
-
-    def put(name: str, value: tuple[float, float] | None, which: int = 0) -> None:
-        if value is not None and name in place:
-            out[place[name]] = value[which]
-
-    # sway, and heave in a pitching turn, are left to the simulator, which then tells their sign
-    for name in ("psi", "phi", "theta", "r", "q", "p", "w", "z"):
-        if name in run.data and name != SLIDE[angle][1]:
-            put(name, _line(run.t, run.data[name], t0, travel))
-    for turned, (rate, _, _) in SLIDE.items():
-        if rate not in run.data and turned in run.data:
-            put(rate, _line(run.t, run.data[turned], t0, travel), 1)
-    along = _line(run.t, speed, t0, travel)
-    if along is None or not np.isfinite(out).all():
-        return None
-    out[place["u"]] = along[0]
-    for rate, slide, share in {SLIDE["psi"], SLIDE[angle]}:
-        out[place[slide]] = share * model.scales["L"] * out[place[rate]]
-    return out
-
-
-def _speed(run: Run) -> Array | None:
-    """Speed ahead [m/s]: as logged, else of the track."""
-    for name in ("u", "u_water"):
-        if name in run.data:
-            return run.data[name]
-    if not {"x", "y"} <= set(run.data):
-        return None
-    x, y = run.data["x"], run.data["y"]
-    good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    good = good[:: max(1, good.size // 60)]
-    if good.size < 4:
-        return None
-    middle = 0.5 * (run.t[good][1:] + run.t[good][:-1])
-    return np.interp(run.t, middle, np.hypot(np.diff(x[good]), np.diff(y[good])) / np.diff(run.t[good]))

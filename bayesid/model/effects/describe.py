@@ -9,6 +9,7 @@ import math
 
 from bayesid.model.effects.alternatives import ALTERNATIVES, of
 from bayesid.model.effects.declare import Effect
+from bayesid.model.effects.shown import shown
 
 _PORTS = {
     "input": "between command and actuator",
@@ -31,8 +32,9 @@ def alternatives(effect: Effect) -> tuple[Effect, ...]:
 def equations(effect: Effect) -> tuple[str, ...]:
     """Lines "left side = formula" of everything the effect changes, in the symbols of `declare`."""
     lines = [f"velocity of the water, {k} = {text}" for k, text in effect.flow.items()]
-    lines += [f"{axis} += {text}" for axis, text in effect.force.items()]
-    lines += [f"d {s.name}/dt = {s.rate}, from {s.initial}" for s in effect.states]
+    forces = {axis: shown(text) for axis, text in effect.force.items()}
+    lines += [f"{axis} += {text}" for axis, text in forces.items() if text != "0"]
+    lines += [f"d {s.name}/dt = {shown(s.rate)}, from {s.initial}" for s in effect.states]
     lines += [f"{name} becomes {text}" for name, text in effect.adjust.items()]
     for stage in effect.stages:
         held = f"the command of {stage.delay} ago" if stage.delay else stage.end

@@ -3,6 +3,7 @@
 Takes: the actuators of a vehicle file. Gives declarations as in the catalogue: a shaft `n_bow` has the
 effects `thruster_bow_...`, an angle or bucket those of its column (`azimuth_bow_...`, `delta_1_...`). Twin
 rudders have one steering gear, or two of one type: what both have alike is one effect, `twin_fins_1_2_...`.
+More than two fins of one type, as of an X, have one supply beside: `fins_1_2_3_4_...`.
 Does not: know a kind of actuator; what it needs stands in its shape.
 """
 
@@ -24,6 +25,8 @@ _WORDS = {
     "azimuth": "The thruster {} turns", "nozzle": "The nozzle {} turns", "bucket": "The bucket {} moves",
     "delta": "The fin {} turns",
 }  # fmt: skip
+# what a common supply, or a common type, makes of all the fins of an X at once
+_COMMON = ("lag", "dead_time", "rate_limit", "effectiveness")
 _ALONE = "This actuator only."
 # words of one fin -> of several
 _PLURAL = {
@@ -55,6 +58,8 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
             out += _of_fin(shape, angles[0])
     for twins in _twins(actuators):
         out += _of_both(twins)
+    for fins in _sets(actuators):
+        out += [effect for effect in _of_both(fins) if effect.name.endswith(_COMMON)]
     return tuple(out)
 
 
@@ -82,19 +87,30 @@ def _whole(group: Iterable[Actuator]) -> dict[str, str]:
 def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, Fin]]:
     """Pairs of fins that mirror each other, one on each side; canted ones may push along the mirrored
     direction or against it."""
-    alike: dict[tuple[object, ...], list[Fin]] = {}
-    for fin in actuators:
-        if isinstance(fin, Fin):
-            x, y, z = fin.at
-            ahead, aside, down = (abs(part) for part in fin.direction)
-            rest = replace(fin, name="", at=(x, abs(y), z), direction=(ahead, aside, down), behind=None)
-            alike.setdefault(astuple(rest), []).append(fin)
-    pairs = (fins for fins in alike.values() if len(fins) == 2)
+    pairs = ((fins[0], fins[1]) for fins in _alike(actuators) if len(fins) == 2)
     return [
         (one, other)
         for one, other in pairs
         if one.at[1] * other.at[1] < 0.0 and other.direction in _mirrored(one.direction)
     ]
+
+
+def _sets(actuators: Sequence[Actuator]) -> list[list[Fin]]:
+    """More than two fins alike but for the side, above or below, that they are on and push to."""
+    return [fins for fins in _alike(actuators, level=False) if len(fins) > 2]
+
+
+def _alike(actuators: Sequence[Actuator], level: bool = True) -> list[list[Fin]]:
+    """Fins that are alike but for the side they are on and push to; `level` ones are at one height too."""
+    alike: dict[tuple[object, ...], list[Fin]] = {}
+    for fin in actuators:
+        if isinstance(fin, Fin):
+            x, y, z = fin.at
+            ahead, aside, down = (abs(part) for part in fin.direction)
+            at = (x, abs(y), z if level else abs(z))
+            rest = replace(fin, name="", at=at, direction=(ahead, aside, down), behind=None)
+            alike.setdefault(astuple(rest), []).append(fin)
+    return list(alike.values())
 
 
 def _mirrored(along: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
@@ -104,12 +120,14 @@ def _mirrored(along: tuple[float, float, float]) -> tuple[tuple[float, float, fl
 
 
 def _of_both(twins: Sequence[Fin]) -> list[Effect]:
-    """The effects of one fin, on all twins by the same size."""
+    """The effects of one fin, on twins, or all of several, by the same size."""
     each = []
     for fin in twins:
         (signal,) = fin.signals
         each.append([*_of_servo(signal, fin.name), *_of_fin(fin.shape, signal)])
     names = [fin.name for fin in twins]
+    prefix = f"{'twin_' if len(twins) == 2 else ''}fins_{'_'.join(names)}"
+    said_of, who = _numbered(names), "Both" if len(twins) == 2 else "All"
     out = []
     for effects in zip(*each, strict=True):
         first = effects[0]
@@ -118,24 +136,32 @@ def _of_both(twins: Sequence[Fin]) -> list[Effect]:
         for one, many in _PLURAL.items():
             said = one.format(names[0])
             if says.startswith(said):
-                says = many.format(and_list(names)) + says.removeprefix(said)
+                says = many.format(said_of) + says.removeprefix(said)
         alone = first.form == _ALONE
         axes = {axis: " + ".join(e.force[axis] for e in effects) for axis in first.force}
         out.append(
             replace(
                 first,
-                name=f"twin_fins_{'_'.join(names)}_{kind}",
+                name=f"{prefix}_{kind}",
                 says=says.replace("than its order is", "than their orders are"),
-                family=f"twin_fins_{'_'.join(names)}_{first.family.removeprefix(f'{twins[0].signals[0]}_')}",
+                family=f"{prefix}_{first.family.removeprefix(f'{twins[0].signals[0]}_')}",
                 stages=tuple(stage for e in effects for stage in e.stages),
                 adjust={k: v for e in effects for k, v in e.adjust.items()},
                 force=axes,
-                form="Both by the same size."
+                form=f"{who} by the same size."
                 if alone
-                else f"{first.form.removesuffix('.')}; the same on both.",
+                else f"{first.form.removesuffix('.')}; the same on {who.lower()}.",
             )
         )
     return out
+
+
+def _numbered(names: Sequence[str]) -> str:
+    """Names in words: "1 to 4" where they are numbers in a row."""
+    first = int(names[0]) if names[0].isdecimal() else None
+    if first is None or len(names) < 3 or list(names) != [str(first + k) for k in range(len(names))]:
+        return and_list(list(names))
+    return f"{names[0]} to {names[-1]}"
 
 
 def _beyond(shape: Shape, share: str) -> dict[str, str]:
