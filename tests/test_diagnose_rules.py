@@ -41,10 +41,14 @@ CASES = [
     ("unlisted cause", replace(FAINT, outside=EVEN_ODDS + TINY), {
         "outside": (EVEN_ODDS + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
     ("unlisted cause", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=CAUSE_OVER_MOTION + 0.0), {
-        "over_motion": (CAUSE_OVER_MOTION - TINY, "force of the motion")}),
+        "over_motion": (CAUSE_OVER_MOTION - TINY, "unlisted cause or a force of the motion")}),
     ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-200.0), {
         "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect"),
         "over_motion": (9.0, "unlisted cause")}),
+    ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-CAUSE_OVER_MOTION), {
+        "over_motion": (-CAUSE_OVER_MOTION + TINY, "unlisted cause or a force of the motion")}),
+    ("unlisted cause or a force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=0.0), {
+        "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect")}),
     ("coefficients moved", replace(FAINT, conflict=3.5 + TINY, none=EVEN_ODDS - TINY), {
         "conflict": (3.5, "faint"), "none": (EVEN_ODDS + 0.0, "faint"), "none_in_set": (False, "faint"),
         "gain": (4.0, "none not excluded")}),
@@ -143,6 +147,7 @@ NAMES = Named(
 SAID = {
     "unlisted cause": ("outside", (), ()),
     "force of the motion": ("model_form", (), ()),
+    "unlisted cause or a force of the motion": ("ambiguous", ("a", "b"), ()),
     "model form": ("model_form", (), ()),
     "shapes of a model form": ("model_form", (), ()),
     "one sure beside a model form": ("effect", ("b",), ()),

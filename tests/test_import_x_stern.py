@@ -109,6 +109,19 @@ def test_a_rudder_that_waves_as_a_sine_makes_no_zigzag():
     assert classify(t, over, psi)[0] == "zigzag"
 
 
+@pytest.mark.parametrize(("size", "rate", "dwell"), [(20, 2.3, 5), (35, 2.5, 8), (20, 3.0, 4), (10, 2.3, 3)])
+def test_a_zigzag_of_a_slow_gear_stays_one(size, rate, dwell):
+    """Its rudder is on the way most of the time."""
+    across = 2.0 * size / rate
+    t = np.arange(0.0, 8.0 * (across + dwell), 0.1)
+    knots = np.cumsum([0.0, size / rate, *[dwell, across] * 8])
+    sides = [0.0, *np.repeat([1.0, -1.0] * 5, 2)[: knots.size - 1]]
+    angle = size * DEG * np.interp(t, knots, sides)
+    turn = np.cumsum(angle) * 0.1
+    psi = -0.1 * (turn - turn.mean())
+    assert classify(t, angle, psi)[0] == "zigzag"
+
+
 def asked_of_a_bow_plane(tmp_path, order, reading) -> list[str]:
     made = {"Bow plane [deg]": reading} | ({"Bow plane order [deg]": order} if order else {})
     log = log_of(tmp_path, "zigzag:20/20,duration=60", [f"Fin {p}" for p in PLACES], **made)
@@ -131,6 +144,8 @@ def waved(t, rng):
         (None, noise, False),
         (None, waved, True),
         (lambda t, rng: 0.2 * np.sign(np.sin(0.4 * t)), waved, True),
+        (lambda t, rng: 0.0 * t, waved, True),  # the order was not recorded
+        (None, lambda t, rng: 0.3 * np.sign(rng.standard_normal(t.size)), True),
         (lambda t, rng: 0.3 + 0.0 * t, lambda t, rng: 0.3 + noise(t, rng), True),  # a turn's order
     ],
 )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ import bayesid
 from bayesid.equations.model import build_model
 from bayesid.errors import ManoeuvreError
 from bayesid.manoeuvres import OpenLoop, with_rows_every
+from bayesid.model.actuators import Fin
 from bayesid.model.vehicles import load_vehicle
 
 TABLE = "t[s],n_port_cmd[rpm],n_stbd_cmd[rpm]\n0,800,800\n10,900,700\n20,700,900\n30.2,800,800\n40,800,800\n"
@@ -80,3 +83,17 @@ def _rates(model, par, state):
     orders = {"n_port_cmd": np.full(2, 900.0), "n_stbd_cmd": np.full(2, 600.0), "n_cmd": np.full(2, 800.0)}
     track = simulate(model, par, plan_run(model, np.array([0.0, 1.0]), orders), x0, full=True)
     return track.states[-1][:6]
+
+
+@pytest.mark.parametrize(
+    ("level", "text", "said"),
+    [(False, "vzigzag:5/5", "has no stern planes"), (True, "zigzag:10/10", "has no rudder")],
+)
+def test_a_law_that_moves_what_a_vehicle_lacks_is_refused(level, text, said):
+    """Two upright fins dive as little as two level ones steer."""
+    along = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
+    fins = tuple(Fin(name=k, at=(-0.6, 0.0, 0.0), direction=along, F_uu=20.0) for k in ("1", "2"))
+    auv = load_vehicle("remus100")
+    auv = replace(auv, coef={n: c for n, c in auv.coef.items() if "dr" not in n and "ds" not in n}, fins=fins)
+    with pytest.raises(ManoeuvreError, match=said):
+        bayesid.simulate(auv, text, dof=6)

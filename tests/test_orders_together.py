@@ -326,3 +326,13 @@ def test_a_run_in_which_a_named_shaft_changes_its_revolutions_is_no_straight_one
     changed = replace(run, commands={**run.commands, f"{shaft}_cmd": steps})
     log = filter_error_run(model, changed, dict.fromkeys(channels, 0.01), channels)
     assert not log.straight and why_not_straight(model, log) == f"its revolutions {shaft} change"
+
+
+def test_a_shaft_slower_than_a_thruster_that_runs_evenly_may_not_change_either(ferry):
+    model = build_model(ferry)
+    (run,) = bayesid.simulate(ferry, "straight:duration=60", seed=1).runs
+    channels = [c for c in model.kernel.channels if c in run.data]
+    even = {"n_port_cmd": np.full(run.t.size, 3000.0), "n_stbd_cmd": np.where(run.t > 30.0, 80.0, 100.0)}
+    changed = replace(run, commands={**run.commands, **even})
+    log = filter_error_run(model, changed, dict.fromkeys(channels, 0.01), channels)
+    assert why_not_straight(model, log) == "its revolutions n_stbd change"

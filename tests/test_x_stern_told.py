@@ -42,13 +42,18 @@ def test_one_fin_alone_is_said_to_be_one(trial):
     assert "--vehicle" not in _rudder_lines(runs, True)[0]
 
 
+def test_a_single_rudder_by_its_name_counts_positive_to_port():
+    (line,) = _rudder_lines([{"rudder_of": ["delta_1"]}], True)
+    assert line == "rudder [deg] is that of delta_1, positive to port."
+
+
 def test_three_of_four_fins_make_no_rudder(trial):
     runs = tuple(
         replace(run, commands={k: v for k, v in run.commands.items() if k != "delta_3_cmd"})
         for run in trial.runs
     )
     for run in trial_summary(replace(trial, runs=runs), SHIP)["runs"]:
-        assert len(run["rudder_of"]) == 1
+        assert run["rudder_of"] == []
 
 
 def test_a_vehicle_with_a_rudder_is_told_as_before():

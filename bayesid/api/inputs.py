@@ -211,6 +211,9 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
 
 
+_PLANES = {"delta_s": "stern planes", "delta_b": "bow planes", "n": "shaft"}
+
+
 def ordered(
     model: Model, texts: Iterable[str], scale: Scale, dt: float | None = None
 ) -> dict[str, Manoeuvre]:
@@ -219,23 +222,30 @@ def ordered(
     Raises
     ------
     ManoeuvreError
-        what cannot be read, and a standard manoeuvre for a vehicle without a rudder
+        what cannot be read, and one that orders what nothing of the vehicle obeys
     """
     found: dict[str, Manoeuvre] = {}
     for text in texts:
         order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
-        ship, commands = model.vehicle, getattr(order, "commands", {"delta_r_cmd": 1.0})
+        ship, commands = model.vehicle, _driven(order)
         idle = [
             name for name in ("delta_r", "delta_s", "delta_b", "n")
             if name not in obeyed(ship) and np.any(commands.get(f"{name}_cmd", 0.0))
         ]  # fmt: skip
         if idle:
             which = and_list([f"{name}_cmd" for name in idle])
-            without = without_rudder(ship) if idle == ["delta_r"] else "is not made for that"
+            without = without_rudder(ship) if "delta_r" in idle else f"has no {_PLANES[idle[0]]}"
             why = f"nothing of {ship.name} obeys {which}" if table else f"{ship.name} {without}"
             raise ManoeuvreError(f"{text}: {why}; order its actuators by a table ({table_of(ship)})")
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order
     return found
+
+
+def _driven(order: Manoeuvre) -> Mapping[str, Any]:
+    """Orders of a manoeuvre; of one that is decided by the motion those that its law moves, as numbers."""
+    if isinstance(order, OpenLoop):
+        return order.commands
+    return {"delta_s_cmd" if "delta_s_cmd" in order.start else "delta_r_cmd": 1.0}
 
 
 def table_of(vehicle: Vehicle) -> str:

@@ -173,10 +173,12 @@ def _rudder_lines(runs: Sequence[dict[str, Any]], ship_known: bool) -> list[str]
             f"rudder [deg] is the mean of {and_list(names)}, which steer together; positive to port."
         )
     alone = sorted(names[0] for names in each if len(names) == 1 and names != ("delta_r",))
-    if alone:
-        tells = "" if ship_known else "; which of them steer together a vehicle file tells (--vehicle)"
+    if alone and ship_known:
+        lines.append(f"rudder [deg] is that of {' or '.join(alone)}, positive to port.")
+    elif alone:
         lines.append(
-            f"rudder [deg] is {' or '.join(alone)} alone, of those logged the one that moves most{tells}."
+            f"rudder [deg] is {' or '.join(alone)} alone, of those logged the one that moves most; which of "
+            "them steer together a vehicle file tells (--vehicle)."
         )
     return lines
 

@@ -153,7 +153,7 @@ def as_given(result: Result) -> bool:
 
 def _explained(result: Result) -> str:
     used = explanation(result)
-    if result.verdict == "model_form" and not used and retuned(result):
+    if result.model_form is not None and result.verdict == "model_form" and not used and retuned(result):
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
         without = " nor the force that the equations lack" if result.verdict == "model_form" else ""

@@ -149,13 +149,11 @@ def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence
 
 
 def _by_motion(sought: Sought, errors: Sequence[BriefSignal]) -> float:
-    """What a force of the motion and the controls, of any shape, gains instead of motions; the same otherwise
-    as `_repeatable`."""
-    force, with_, without = force_of_motion(sought), [], []
-    for weight, runs in at_noise_scales(sought):
-        with_.append(weight + force.log_evidence(runs, sought.known, errors))
-        without.append(weight + Joint(runs, sought.known, errors).log_evidence)
-    return float(logsumexp(with_) - logsumexp(without))
+    """What a force of the motion and the controls, of any shape, gains instead of motions, in the environment
+    as it is."""
+    runs, known = sought.runs, sought.known
+    with_force = force_of_motion(sought).log_evidence(runs, known, errors)
+    return with_force - Joint(runs, known, errors).log_evidence
 
 
 def _told(

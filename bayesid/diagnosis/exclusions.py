@@ -148,7 +148,7 @@ def _left(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify)
     Gross events first; then, once, brief ones that gain more than a free force that acts in all runs and all
     the time, or more than a model form does.
     """
-    best, what = simplest(found.candidates), "brief events"
+    best, what, depends = simplest(found.candidates), "brief events", None
     if not known and (gross := find_events(found.problem, trial, best, notify)):
         return _Left(gross)
     try:
@@ -156,9 +156,11 @@ def _left(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify)
         if not any(e.brief for e in known) and (brief := _brief(found, best, sought)):
             return _Left(brief)
         what = "forces with the place or a period"
-        return _Left((), dependence_beside(found, best, sought), over_motion(found, sought))
+        depends = dependence_beside(found, best, sought)
+        what = "a force of the motion of any shape"
+        return _Left((), depends, over_motion(found, sought))
     except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
-        return _Left(untried=f"{what} could not be looked for ({error})")
+        return _Left(dependence=depends, untried=f"{what} could not be looked for ({error})")
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:

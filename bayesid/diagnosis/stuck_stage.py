@@ -107,13 +107,14 @@ def _told(found: Compared, newer: Stuck | None) -> tuple[Compared | None, list[s
             f"an actuator that sticks in {runs} would explain {gained:.0f} nats, but a force that acts all "
             f"the time explains {left:.0f} beside it: it is not told"
         ]
-    best, depends = simplest(found.candidates), None
+    best, depends, what = simplest(found.candidates), None, "forces with the place or a period"
     try:
         sought = sought_in(found.problem, best.fit.free, best.fit.followed)
         depends = dependence_beside(found, best, sought)
+        what = "a force of the motion of any shape"
         found = replace(found, over_motion=over_motion(found, sought))
     except FAILURES as error:
-        said.append(f"forces with the place or a period could not be looked for ({error})")
+        said.append(f"{what} could not be looked for ({error})")
     if newer is not None:
         found = _as_seen_last(found, newer)
     counted_in = with_events(found.candidates, found.problem.events, depends)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel
-from bayesid.model.vehicles.orders import gathered, rudders_together
+from bayesid.model.vehicles.orders import gathered, has_rudder, rudders_together
 from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.noise import rough_noise, spikes
@@ -180,6 +180,8 @@ def _steered(run: Run, vehicle: Vehicle | None) -> tuple[Run, list[str]]:
         together = [name for name in rudders_together(vehicle) if run.input(name) is not None]
         if together and run.input("delta_r") is not None:
             return run, together
+        if not has_rudder(vehicle):  # what dives, or one fin of an X, is no rudder
+            return run, []
     one = _widest(run, "delta_r", "delta_", ("delta_s", "delta_b"))
     values = run.input(one)
     if values is None or one == "delta_r":

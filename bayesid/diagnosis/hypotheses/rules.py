@@ -73,11 +73,18 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "force of the motion",
-        lambda f: f.free_shows and f.outside > EVEN_ODDS,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion > -CAUSE_OVER_MOTION,
         "model_form", "nothing", "nothing",
-        "a free signal gains more than chance allows, and what is left beside all effects is explained as "
-        "well by a force of the motion and the controls of some shape",
+        "a free signal gains more than chance allows, and what is left beside all effects is explained "
+        "better by a force of the motion and the controls of some shape",
         or_none=True,
+    ),
+    Rule(
+        "unlisted cause or a force of the motion",
+        lambda f: f.free_shows and f.outside > EVEN_ODDS,
+        "ambiguous", "rivals", "nothing",
+        "a free signal gains more than chance allows, and a force of the motion and the controls of some "
+        "shape explains about as much of what is left beside all effects",
     ),
     Rule(
         "model form",

@@ -23,7 +23,7 @@ FIRST_SLOPE_ERROR = 0.07
 # least duration [L/U], that of the longest correlation time of a disturbance
 # (`noise_identification.LONGEST_TAU`).
 STRAIGHT_FIN_RMS, STRAIGHT_HEADING_SWING, STRAIGHT_COURSE_BEND, STRAIGHT_LENGTHS = 0.1, 0.26, 0.01, 6.0
-# Swing of revolutions over the largest of any shaft; what turns at most where the file states no limit [rad].
+# Swing of revolutions over the largest of a shaft; what turns at most where the file states no limit [rad].
 STRAIGHT_RPM_SWING, LARGEST_ANGLE = 0.02, 0.6
 NAMES = {"delta_r": "rudder", "delta_s": "stern plane", "delta_b": "bow plane"}
 # Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
@@ -168,9 +168,12 @@ def _bent(model: Model, plan: TimePlan, heading: Array | None) -> str:
     a = model.kernel.actuators
     time = model.scales["L"] / model.scales["U"]
     shafts = [k for k, name in enumerate(a) if name not in model.kernel.spec.servos]
-    swing = np.ptp(plan.command[:, shafts], axis=0)
+    rpm, usual = np.abs(plan.command[:, shafts]).max(axis=0), abs(model.vehicle.rpm_ref or 0.0)
+    # what stands still reads noise, small beside the revolutions of a usual shaft
+    held = np.where(rpm > STRAIGHT_RPM_SWING * max(usual, rpm.max()), rpm, max(usual, rpm.max()))
+    swing = np.ptp(plan.command[:, shafts], axis=0) / np.maximum(held, 1.0)
     k = int(np.argmax(swing))
-    if swing[k] > STRAIGHT_RPM_SWING * max(1.0, np.abs(plan.command[:, shafts]).max()):
+    if swing[k] > STRAIGHT_RPM_SWING:
         name = a[shafts[k]]
         return f"its revolutions {'' if name == 'n' else f'{name} '}change"
     if plan.t[-1] - plan.t[0] < STRAIGHT_LENGTHS * time:

@@ -22,7 +22,7 @@ from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.words import and_list
 
 NEAR_CENTRE = 0.05  # of the length, from which on a fin has an arm that turns the vehicle
-# Fins of an X or a V: shares of their force to the side and down, one over the other, and its inverse.
+# Fins of an X or a V: least ratio of the smaller to the larger share of their force, to the side and down.
 DIAGONAL = 0.5
 
 
@@ -193,7 +193,8 @@ def gathered_by(
 ) -> dict[str, Any]:
     """`gathered` of a vehicle whose `together` is at hand."""
     out = dict(inputs)
-    shared = set(common_orders.get("delta_r", ())) & set(common_orders.get("delta_s", ()))
+    planes = {*common_orders.get("delta_s", ()), *common_orders.get("delta_b", ())}
+    shared = planes & set(common_orders.get("delta_r", ()))
     for common, signs in common_orders.items():
         there = [sign * inputs[name + ending] for name, sign in signs.items() if name + ending in inputs]
         apart = len(there) == len(signs) or not shared & set(signs)  # some fins of an X mix both orders

@@ -107,7 +107,7 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     legs = _turned_by_leg(rudder, psi, 0.3 * big) if same and flips else []
     if legs and max(legs) > LONGEST_LEG:
         return ("turn", f"turns {degrees}") if np.median(legs) > LONGEST_LEG else ("random", "random orders")
-    if same and flips >= 2 and flips == signs.size - 1 and _is_over(rudder, size):
+    if same and flips >= 2 and flips == signs.size - 1 and _is_over(t, rudder, size):
         return _zigzag(t, rudder, psi, degrees)
     steps = np.sign(np.diff(levels[held > 0.0]))
     runs = 1 + int(np.sum(steps[1:] * steps[:-1] < 0)) if steps.size else 0
@@ -133,11 +133,17 @@ def _is_held(t: Floats, rudder: Floats, size: float) -> bool:
     return not beyond.any() and bool(np.mean(near[moved[0] :]) > 0.5)
 
 
-def _is_over(rudder: Floats, size: float) -> bool:
-    """Whether a rudder that is put from side to side rests there; one that waves as a sine does so for .39 of
-    the time."""
+def _is_over(t: Floats, rudder: Floats, size: float) -> bool:
+    """Whether a rudder that is put from side to side rests there, or goes there at one rate; one that waves
+    as a sine rests for .39 of the time and goes slower and slower."""
     near = np.abs(np.abs(rudder) - size) < max(0.12 * size, 1.0 * _DEG)
-    return bool(np.mean(near[np.abs(rudder) > 0.3 * size]) > 0.5)
+    if np.mean(near[np.abs(rudder) > 0.3 * size]) > 0.5:
+        return True
+    rate = np.abs(np.diff(rudder) / np.diff(t))
+    half = np.abs(0.5 * (rudder[1:] + rudder[:-1]))
+    # a sine passes 0.7 to 0.85 of its size at 0.71 to 0.53 of its greatest rate
+    there = rate[(half > 0.7 * size) & (half < 0.85 * size)]
+    return not there.size or bool(np.median(there) > 0.85 * np.percentile(rate, 95))
 
 
 def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tuple[str, str]:

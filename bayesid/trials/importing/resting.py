@@ -34,21 +34,31 @@ def drop_constant(draft: Draft) -> None:
 
 
 def rests(draft: Draft, role: str) -> bool:
-    """Whether an angle is only the noise of an actuator at rest: by its order where there is one, else by
-    itself."""
+    """Whether an angle is only the noise of an actuator at rest: nothing is ordered, and its reading is
+    white; without an order, white about zero and small in either unit."""
     order = f"{role.removesuffix('_cmd')}_cmd"
+    ordered = draft.raw(order) if draft.has(order) else None
     if order in draft.resting:
-        return abs(draft.resting[order]) <= HELD
-    if draft.has(order):
-        ordered = draft.raw(order)
-        return bool(ordered.size) and float(np.ptp(ordered)) == 0.0 and abs(float(ordered[0])) <= HELD
-    each = [draft.raw(role, recording) for recording in draft.recordings]
-    return all(_is_noise_about_zero(values) for values in each if values.size)
-
-
-def _is_noise_about_zero(values: np.ndarray) -> bool:
-    if values.size < 10:
+        ordered = np.array([draft.resting[order]])
+    if ordered is not None and not _held(ordered):
         return False
-    variance = float(np.var(values))
-    steps = 0.5 * float(np.mean(np.diff(values) ** 2))
-    return steps > WHITE * variance and abs(float(np.mean(values))) < float(np.sqrt(variance))
+    each = [draft.raw(role, recording) for recording in draft.recordings]
+    return all(
+        _is_white(values) if ordered is not None else _is_white(values) and _about_zero(values)
+        for values in each
+        if values.size and (role != order or not _held(values))
+    )
+
+
+def _held(ordered: np.ndarray) -> bool:
+    return bool(ordered.size) and float(np.ptp(ordered)) == 0.0 and abs(float(ordered[0])) <= HELD
+
+
+def _is_white(values: np.ndarray) -> bool:
+    if values.size < 10 or not float(np.ptp(values)):
+        return not values.size or not float(np.ptp(values))
+    return 0.5 * float(np.mean(np.diff(values) ** 2)) > WHITE * float(np.var(values))
+
+
+def _about_zero(values: np.ndarray) -> bool:
+    return abs(float(np.mean(values))) < float(np.std(values)) <= 0.5 * HELD
