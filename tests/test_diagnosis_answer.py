@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -292,7 +293,10 @@ def test_an_interval_of_draws_is_as_wide_as_the_runs_differ():
 
 def test_a_model_with_coefficients_as_given_is_not_called_one_with_the_re_tuned():
     """As given it has not the force that the equations lack either; re-tuned it has."""
-    form = replace(RESULT, verdict="model_form", explanation=())
+    without = replace(RESULT, verdict="model_form", explanation=(), model_form=None)
+    said = explained_words(replace(without, retuning=Retuning(True, -0.1, 0.2, {})))
+    assert "as re-tuned" in said and "nor the force that the equations lack" in said  # no fit has it
+    form = replace(without, model_form=SimpleNamespace())
     for kept in (True, False):
         said = explained_words(replace(form, retuning=Retuning(kept, -0.1, 0.2, {})))
         assert ("are one" in said) is kept
@@ -332,7 +336,6 @@ def test_a_probability_that_two_of_a_kind_share_is_said_to_be_of_both():
 
 
 def test_only_what_is_of_its_kind_and_probable_enough_stands_in_the_place_of_an_effect():
-    from types import SimpleNamespace
 
     from bayesid.diagnosis.effects_found import _in_its_place
 
