@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from bayesid.diagnosis.hypotheses.facts import Facts, Named
-from bayesid.diagnosis.hypotheses.rules import NAMING, RULES, WORDS, deciding
+from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM, NAMING, RULES, WORDS, deciding
 from bayesid.diagnosis.hypotheses.verdict import names_of
 from bayesid.diagnosis.threshold_table import (
     CAUSE_OVER_MOTION,
@@ -181,10 +181,10 @@ def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     effects, confounded, set95 = names_of(rule, NAMES)
     assert (rule.word, effects, confounded) == SAID[rule.name]
     assert bool(effects) or rule.word not in NAMING
-    none = "model_form" if rule.word == "model_form" else "none"
+    none = "model_form" if rule.word == "model_form" or rule.name == CAUSE_OR_FORM else "none"
     assert set95 == tuple(none if n == "none" else n for n in NAMES.set95)
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
-    silent = rule.word in ("none", "model_form")
+    silent = rule.word in ("none", "model_form") or rule.name == CAUSE_OR_FORM
     assert without == ((none, "outside") if silent else ("outside",))
     assert not set(names_of(rule, replace(NAMES, confounded=("a", "b", "c"), along=("a", "c")))[1]) & set(
         effects

@@ -709,3 +709,18 @@ def test_a_size_is_told_beside_a_name_where_there_is_one_alone():
         slow, says="{a:%}, {b:%}", parameters=dict.fromkeys("ab", next(iter(slow.parameters.values())))
     )
     assert size_words(several) == ""
+
+
+def test_where_a_cause_and_a_force_of_the_motion_explain_as_much_both_are_said():
+    from bayesid.diagnosis.cannot_tell import cannot_tell
+    from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM
+
+    both = replace(
+        RESULT, verdict="ambiguous", rule=CAUSE_OR_FORM, effects=(), set95=("model_form", "outside"),
+        probabilities={"outside": 0.9}, acting={"outside": 0.9},
+    )  # fmt: skip
+    said = cannot_tell(both)
+    assert "not among the known effects, or the equations lack a force" in said
+    assert "0.9" not in said and "act beside it" not in said  # the probabilities know nothing of that force
+    beside = replace(both, set95=("model_form", "outside", "wind"))
+    assert cannot_tell(beside).endswith("What may act beside it: wind.")

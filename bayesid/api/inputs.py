@@ -211,7 +211,7 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
 
 
-_PLANES = {"delta_s": "stern planes", "delta_b": "bow planes", "n": "shaft"}
+_LACKED = {"delta_s": "stern planes", "delta_b": "bow planes", "n": "shaft"}
 
 
 def ordered(
@@ -234,7 +234,7 @@ def ordered(
         ]  # fmt: skip
         if idle:
             which = and_list([f"{name}_cmd" for name in idle])
-            without = without_rudder(ship) if "delta_r" in idle else f"has no {_PLANES[idle[0]]}"
+            without = without_rudder(ship) if "delta_r" in idle else f"has no {_LACKED[idle[0]]}"
             why = f"nothing of {ship.name} obeys {which}" if table else f"{ship.name} {without}"
             raise ManoeuvreError(f"{text}: {why}; order its actuators by a table ({table_of(ship)})")
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order

@@ -5,7 +5,7 @@ Takes a `Result`. Gives sentences. Does not decide.
 
 from __future__ import annotations
 
-from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
+from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM, LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
 from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, size_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
@@ -22,6 +22,13 @@ def cannot_tell(result: Result) -> str:
     nothing = "none" in result.set95
     if not chances:
         return "These runs cannot tell whether anything acts."
+    if result.rule == CAUSE_OR_FORM:
+        known = [_outside(n) for n, _ in chances if n != "outside"]
+        also = f" What may act beside it: {', '.join(known)}." if known else ""
+        return (
+            "Something acts that is not among the known effects, or the equations lack a force that depends "
+            f"on the motion: these runs cannot tell.{also}"
+        )
     if result.rule == TURNS_BY_ITSELF:  # probabilities know nothing of that
         seeming = [e.name for e in result.effects[:1]]
         others = ", ".join(_outside(n) for n, _ in chances if n not in (*seeming, "outside"))

@@ -29,6 +29,7 @@ WORDS: tuple[Word, ...] = (
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
 LEEWAY = "leeway reads the same"
+CAUSE_OR_FORM = "unlisted cause or a force of the motion"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
 OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
 OUTSIDE_SAID = (MOTION_EVENT, OTHER_DEPENDENCE)  # rules that say what is outside the list
@@ -51,7 +52,7 @@ class Rule:
         sure, the best explanation, or the error of a coefficient
     confounded : which effects the coefficients can absorb are listed with it
     sentence : what it says to a reader
-    or_none : whether no effect is in the 95 % set however small its probability
+    silent : what is in the 95 % set however small its probability: no effect, or a force the equations lack
     """
 
     name: str
@@ -60,7 +61,7 @@ class Rule:
     effects: Literal["nothing", "rivals", "sure", "best", "coefficient"]
     confounded: Literal["nothing", "all", "along"]
     sentence: str
-    or_none: bool = False
+    silent: Literal["", "none", "model_form"] = ""
 
 
 RULES: tuple[Rule, ...] = (
@@ -77,14 +78,15 @@ RULES: tuple[Rule, ...] = (
         "model_form", "nothing", "nothing",
         "a free signal gains more than chance allows, and what is left beside all effects is explained "
         "better by a force of the motion and the controls of some shape",
-        or_none=True,
+        silent="model_form",
     ),
     Rule(
-        "unlisted cause or a force of the motion",
+        CAUSE_OR_FORM,
         lambda f: f.free_shows and f.outside > EVEN_ODDS,
         "ambiguous", "rivals", "nothing",
         "a free signal gains more than chance allows, and a force of the motion and the controls of some "
         "shape explains about as much of what is left beside all effects",
+        silent="model_form",
     ),
     Rule(
         "model form",
@@ -93,7 +95,7 @@ RULES: tuple[Rule, ...] = (
         "a force that depends on the motion and that the equations lack is needed, and what effects gain "
         "beside it is no more than such a force may leave; a coefficient further off than stated may stand "
         "for it",
-        or_none=True,
+        silent="model_form",
     ),
     Rule(
         "shapes of a model form",
@@ -101,7 +103,7 @@ RULES: tuple[Rule, ...] = (
         "model_form", "nothing", "nothing",
         "several effects explain most together, and those that are sure depend on the motion alone: shapes "
         "of a force that the equations lack",
-        or_none=True,
+        silent="model_form",
     ),
     Rule(
         "coefficients moved",
@@ -117,7 +119,7 @@ RULES: tuple[Rule, ...] = (
         "none", "nothing", "nothing",
         "no effect gains more than chance allows, and no effect, or what these runs cannot tell from it, is "
         "more probable than not",
-        or_none=True,
+        silent="none",
     ),
     Rule(
         "faint",
@@ -130,7 +132,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.widens and f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "a wrong coefficient explains most, and no error at all is more probable than not",
-        or_none=True,
+        silent="none",
     ),
     Rule(
         "faint coefficient",
@@ -195,7 +197,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "an effect gains, and no effect is still more probable than not",
-        or_none=True,
+        silent="none",
     ),
     Rule(
         NONE_LEFT,
@@ -223,7 +225,7 @@ RULES: tuple[Rule, ...] = (
         "a force that depends on the motion and that the equations lack is needed, and the sizes of the best "
         "explanation beside it lie so near to off, by their own deviations, that they are worth less than a "
         "name asks for, or their intervals hold no effect at all",
-        or_none=True,
+        silent="model_form",
     ),
     Rule(
         "effect without size",

@@ -122,9 +122,9 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
     confounded = tuple(n for n in confounded if n not in effects)  # what is named is not confounded
     # what cannot be told from no effect is no effect
     set95 = named.set95
-    if rule.or_none and "none" not in set95:
+    if rule.silent and "none" not in set95:
         set95 = ("none", *set95)
-    if named.form or rule.word == "model_form":
+    if named.form or rule.silent == "model_form":
         set95 = tuple("model_form" if n == "none" else n for n in set95)
     return effects, confounded, set95
 

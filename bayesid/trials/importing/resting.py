@@ -55,9 +55,9 @@ def _held(ordered: np.ndarray) -> bool:
 
 
 def _is_white(values: np.ndarray) -> bool:
-    if values.size < 10 or not float(np.ptp(values)):
-        return not values.size or not float(np.ptp(values))
-    return 0.5 * float(np.mean(np.diff(values) ** 2)) > WHITE * float(np.var(values))
+    if values.size and not float(np.ptp(values)):
+        return True
+    return values.size >= 10 and 0.5 * float(np.mean(np.diff(values) ** 2)) > WHITE * float(np.var(values))
 
 
 def _about_zero(values: np.ndarray) -> bool:
