@@ -51,7 +51,7 @@ class World:
     def __init__(self, monkeypatch, none, refits=(), wide=(), gains=None, where=None, after=None, excess=1.0):
         self.none, self.seen, self.gains = none, {}, gains or {"wind": 60.0, "lag": 20.0}
         self.where, self.after = where or located(), after or located(4.0)
-        self.again = hypothesis(-999.0)
+        self.again, self.plainer = hypothesis(-999.0), []
         fakes = {
             "weighted_hypothesis": self._weighted,
             "fit_with": lambda problem, effects, **more: self._kept("fit_with", more, FIT),
@@ -79,6 +79,7 @@ class World:
             ],
             "checked": self._checked,
             "search_several": self._several,
+            "in_plainer_form": lambda problem, refits, effects, notify: self.plainer,
             "remainder": lambda problem, candidate: self._kept("remainder", candidate.effects, self.after),
             "evidences": lambda problem, none, refits, scores, wide_, where: self._kept(
                 "evidences", (none, [r.effects for r in refits]), {"wind": 1.0, "outside": 0.5}

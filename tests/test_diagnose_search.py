@@ -4,6 +4,7 @@ Thresholds are those of the table: 5 nats to add an effect, half of what a free 
 one, three effects, three exchanges of two rivals each, 20 nats that two linearisations may differ by.
 """
 
+from dataclasses import dataclass
 from types import SimpleNamespace as Plain
 
 import numpy as np
@@ -319,6 +320,11 @@ def test_a_set_is_no_part_of_itself(monkeypatch):
     assert not world.starts
 
 
+@dataclass
+class Point:
+    par: np.ndarray
+
+
 def refits_of(*ranked):
     fit = Plain(converged=True, chi2=1.0)
     return [Plain(effects=tuple(e.split("+")), log_evidence=x, fit=fit, widens=False) for e, x in ranked]
@@ -349,3 +355,40 @@ def test_the_plainer_form_of_an_effect_is_told_where_the_richer_is_worth_less_th
     effects = {e.name: e for e in CATALOGUE}
     found = search.plainest_first(effects, refits_of(*ranked))
     assert found[0].effects == tuple(first.split("+")) and len(found) == len(ranked)
+
+
+def test_a_plainer_form_that_was_not_tried_begins_at_the_values_of_the_richer_one(monkeypatch):
+    effects = {e.name: e for e in CATALOGUE}
+    keys = [effects[n].key(p.name) for n in ("ocean_current", "ocean_current_varying", "gyro_bias")
+            for p in effects[n].parameters]  # fmt: skip
+    model = Plain(effects=effects, index={k: i for i, k in enumerate(keys)}, nominal=np.zeros(len(keys)))
+    values = dict(zip(keys, np.arange(1.0, len(keys) + 1.0), strict=True))
+    point = Point(np.array([0.0 if k.startswith("ocean_current.") else values[k] for k in keys]))
+    best = refits_of(("gyro_bias+ocean_current_varying", 50.0), ("gyro_bias", 3.0))
+    best[0].fit.points = (point,)
+    asked = []
+    monkeypatch.setattr(
+        search,
+        "refit_again",
+        lambda problem, effects, start, *a: asked.append((names(effects), start)) or ["it"],
+    )
+    problem, every = Plain(model=model), list(CATALOGUE)
+    assert search.in_plainer_form(problem, best, every, print) == ["it"]
+    ((chosen, (start,)),) = asked
+    assert chosen == ("gyro_bias", "ocean_current")
+    told = dict(zip(keys, start.par, strict=True))
+    for name, value in told.items():
+        effect, of = name.split(".")
+        rich = values.get(f"ocean_current_varying.{of}")
+        assert (
+            value == {"ocean_current": rich, "ocean_current_varying": 0.0, "gyro_bias": values[name]}[effect]
+        )
+    # tried already, not in the trial, itself the plainest, or not at the data: nothing to try
+    tried = [*best, *refits_of(("ocean_current+gyro_bias", 1.0))]
+    plain = refits_of(("gyro_bias+ocean_current", 50.0))
+    assert not search.in_plainer_form(problem, tried, every, print)
+    assert not search.in_plainer_form(problem, best, [effects["gyro_bias"]], print)
+    assert not search.in_plainer_form(problem, plain, every, print)
+    best[0].fit.chi2 = 1e3
+    assert not search.in_plainer_form(problem, best, every, print)
+    assert len(asked) == 1

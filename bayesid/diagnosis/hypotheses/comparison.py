@@ -39,7 +39,7 @@ from bayesid.diagnosis.hypotheses.refit import (
     remainder,
     shortlist,
 )
-from bayesid.diagnosis.hypotheses.search import plainest_first, search_several
+from bayesid.diagnosis.hypotheses.search import in_plainer_form, plainest_first, search_several
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     Isolability,
     ScreenScore,
@@ -279,6 +279,8 @@ def weigh(
         refits = list(_ranked(problem, found, none, gains))
     refits = effect_first(refits, single.wide, none.log_evidence + limits.named)
     if refits and not refits[0].widens:
+        if plainer := in_plainer_form(problem, refits, single.effects, notify):
+            refits = list(_ranked(problem, [*refits, *plainer], none, gains))
         refits = plainest_first({e.name: e for e in single.effects}, refits)
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
         notify("what the best explanation leaves")

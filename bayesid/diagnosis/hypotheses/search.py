@@ -227,6 +227,49 @@ def _joint(model: Model, effects: Sequence[Effect]) -> GaussianPrior:
     return out
 
 
+def in_plainer_form(
+    problem: DiagnosisProblem,
+    refits: Sequence[RefittedHypothesis],
+    effects: Sequence[Effect],
+    notify: Notify,
+) -> list[RefittedHypothesis]:
+    """Refits of the best explanation with one of its effects in a plainer form, where that was not tried.
+
+    The step that chose the richer form may have gained nothing by it, and what was added later was added
+    beside it alone: of a current that does not change "changes on the way" would stand in the headline.
+
+    Parameters
+    ----------
+    refits : best first
+    effects : those that can show in this trial
+    """
+    best, known = refits[0], problem.model.effects
+    if best.widens or not explains(best):
+        return []
+    tried, out = {frozenset(c.effects) for c in refits}, []
+    for name in best.effects:
+        for plain in (e for e in effects if e.family == known[name].family and e.name not in best.effects):
+            fewer = tuple(plain.name if n == name else n for n in best.effects)
+            if frozenset(fewer) in tried or not _plainer(known, fewer, best.effects):
+                continue
+            kept = [
+                replace(p, par=_in_place(problem.model, p.par, plain, known[name])) for p in best.fit.points
+            ]
+            chosen = tuple(known[n] for n in fewer)
+            out += refit_again(problem, chosen, kept, FOLLOWING_FORCE_LEVEL, [], notify)
+    return out
+
+
+def _in_place(model: Model, par: np.ndarray, plain: Effect, rich: Effect) -> np.ndarray:
+    """Parameters with a plainer form at the values of a richer one, which is off."""
+    out = par.copy()
+    for p in plain.parameters:
+        out[model.index[plain.key(p.name)]] = par[model.index[rich.key(p.name)]]
+    off = [model.index[rich.key(p.name)] for p in rich.parameters]
+    out[off] = model.nominal[off]
+    return out
+
+
 def plainest_first(
     effects: Mapping[str, Effect], refits: Sequence[RefittedHypothesis]
 ) -> list[RefittedHypothesis]:
