@@ -58,11 +58,13 @@ def passes(
     unable=None,
     brief=lambda: (),
     depends=lambda: None,
+    over=lambda: np.inf,
 ):
     """Run the loop with stand-ins; what each pass excluded, and the outcome.
 
     `outliers` are contradicted readings once events are known and before: one entry per round of events.
-    `brief` gives brief events or raises, `depends` what the rest depends on.
+    `brief` gives brief events or raises, `depends` what the rest depends on, `over` by how much a free force
+    gains more than one of the motion.
     """
     seen = []
 
@@ -89,7 +91,7 @@ def passes(
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "_brief", lambda found, best, sought: brief())
     monkeypatch.setattr(exclusions, "dependence_beside", lambda found, best, sought: depends())
-    monkeypatch.setattr(exclusions, "over_motion", lambda found, sought: np.inf)
+    monkeypatch.setattr(exclusions, "over_motion", lambda found, sought: over())
     monkeypatch.setattr(exclusions, "held_where_stuck", lambda found, *rest: found)
     monkeypatch.setattr(
         exclusions,
@@ -124,6 +126,25 @@ def test_events_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypat
     assert found.unable.startswith("the trial without a 3-5 s could not be diagnosed (left the region)")
     *_, found = passes(monkeypatch, events=(EVENT,), fails=fails, unable="no model form")
     assert found.unable.startswith("no model form; the trial without a 3-5 s could not")
+
+
+def test_a_force_of_the_motion_is_asked_for_too_where_the_trial_without_events_cannot_be_diagnosed(
+    monkeypatch,
+):
+    def fails(events, readings):
+        return ModelError("left the region") if events else None
+
+    _, found = passes(monkeypatch, events=(EVENT,), fails=fails, over=lambda: -30.0)
+    assert found.over_motion == -30.0
+
+    def singular():
+        raise LinAlgError("not positive definite")
+
+    _, found = passes(monkeypatch, events=(EVENT,), fails=fails, over=singular)
+    assert found.over_motion == np.inf
+    assert found.unable.endswith(
+        "a force of the motion of any shape could not be looked for (not positive definite)"
+    )
 
 
 BRIEF = Event("b", 7.0, 9.0, "rudder", "motion", None, 40.0, brief=True)

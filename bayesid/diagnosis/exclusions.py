@@ -109,7 +109,9 @@ def compare_without(
                 continue
             more = tuple(e for e in excluded.events if e not in whole.problem.events)
             unable = f"the trial without {_named(more)} could not be diagnosed ({error}); they are counted"
-            return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
+            over, untried = _over_motion(whole)
+            told = "; ".join(filter(None, (whole.unable, unable, untried)))
+            return replace(whole, unable=told, over_motion=over)
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
         left = _left(found, trial, excluded.events, notify)
@@ -161,6 +163,15 @@ def _left(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify)
         return _Left((), depends, over_motion(found, sought))
     except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
         return _Left(dependence=depends, untried=f"{what} could not be looked for ({error})")
+
+
+def _over_motion(found: Compared) -> tuple[float, str | None]:
+    """`over_motion` of what is not gone on from, or why it could not be told."""
+    best = simplest(found.candidates)
+    try:
+        return over_motion(found, sought_in(found.problem, best.fit.free, best.fit.followed)), None
+    except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
+        return math.inf, f"a force of the motion of any shape could not be looked for ({error})"
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:
