@@ -59,6 +59,18 @@ def test_orders_are_read_back_where_the_rate_allows() -> None:
     assert shape.read(orders.t, orders.commands) == pytest.approx(x, abs=0.1)
 
 
+def test_a_submerged_vehicle_without_planes_is_not_given_orders_of_planes() -> None:
+    auv = load_vehicle("remus100")
+    bare = replace(auv, coef={k: v for k, v in auv.coef.items() if not k.endswith("ds")})
+    whole, without = build_model(auv, 6), build_model(bare, 6)
+    assert limits(whole).plane > 0.0 and limits(without).plane == 0.0
+    assert "vzigzag" in library_within(whole, limits(whole))
+    assert "vzigzag" not in library_within(without, limits(without))
+    assert not frame(limits(without), 1.0).planes
+    with pytest.raises(ManoeuvreError, match=r"plane of 0\.1 is beyond what it can do, 0 "):
+        limits(without, plane=0.1)
+
+
 def test_library_within_limits_lasts_as_long_as_asked() -> None:
     found = library_within(MODEL, CASE.bounds)
     assert len(found) >= 14

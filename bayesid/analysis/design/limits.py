@@ -15,7 +15,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ManoeuvreError, ModelError, raise_all
 from bayesid.manoeuvres import REGISTRY, Manoeuvre, Scale, parse
-from bayesid.model.vehicles.orders import plane_limit, rudder_limits
+from bayesid.model.vehicles.orders import has_planes, plane_limit, rudder_limits
 from bayesid.simulation import Track
 
 Array = np.ndarray
@@ -100,7 +100,7 @@ def limits(
     angle, own_rate = rudder_limits(vehicle)
     able = {
         "rudder": min(angle, LARGEST_ANGLE),
-        "plane": min(plane_limit(vehicle), LARGEST_ANGLE) if model.dof == 6 else 0.0,
+        "plane": min(plane_limit(vehicle), LARGEST_ANGLE) if model.dof == 6 and has_planes(vehicle) else 0.0,
         "rate": min(own_rate, 10.0 * LARGEST_ANGLE * speed / length),
     }
     asked = {"rudder": rudder, "plane": plane, "rate": rate}

@@ -135,6 +135,11 @@ def rudder_limits(vehicle: Vehicle) -> tuple[float, float]:
     return angle, rate
 
 
+def has_planes(vehicle: Vehicle) -> bool:
+    """Whether an order of stern planes, `delta_s_cmd`, moves anything: rows of `delta_s` or named planes."""
+    return any(name.endswith("ds") for name in vehicle.coef) or bool(planes_together(vehicle))
+
+
 def plane_limit(vehicle: Vehicle) -> float:
     """Largest angle [rad] of the stern planes, named ones too; inf where the file states none."""
     together = planes_together(vehicle)
