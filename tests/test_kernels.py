@@ -12,7 +12,7 @@ from unittest.mock import patch
 import pytest
 from golden_kernel import PATH, PUSH, golden_text
 
-from bayesid.equations import KernelSpec
+from bayesid.equations import KernelSpec, compiled
 from bayesid.equations.compiled import forgive
 from bayesid.equations.dynamics import build
 from bayesid.equations.kernel_cache import cache_folder, is_sound, refuse_others, stored
@@ -192,6 +192,60 @@ def test_compiled_parts_outlive_the_session_and_the_text_but_not_their_own_damag
             part.write_bytes(part.read_bytes()[:kept])
             assert hits_and_misses() == (0, 1), f"{suffix} cut to {kept} bytes"
             assert hits_and_misses() == (1, 0), f"{suffix} cut to {kept} bytes"
+
+
+COMPILES = """
+import sys
+from bayesid.equations import compiled
+from bayesid.equations.compiled import forgive
+from bayesid.equations.kernel_cache import stored
+from bayesid.equations.runtime import _imported
+module = _imported("kernel", stored("kernel", lambda: sys.argv[1]))
+forgive(module)
+print("begun", flush=True)
+assert module.twice(3.0) == 6.0
+print(sum(module.twice.stats.cache_hits.values()), sum(module.twice.stats.cache_misses.values()))
+"""
+
+
+def compiling(cache):
+    return subprocess.Popen(
+        [sys.executable, "-c", COMPILES, TWICE], text=True, stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(HERE), "BAYESID_CACHE": str(cache.parent.parent)},
+    )  # fmt: skip
+
+
+@POSIX
+def test_a_process_waits_for_another_that_compiles_the_same_function_and_takes_its_part(cache):
+    module = _imported("kernel", stored("kernel", lambda: TWICE))
+    forgive(module)
+    assert module.twice._cache._turn.take()  # as a process does that compiles it
+    waits = compiling(cache)
+    assert waits.stdout.readline() == "begun\n"
+    with pytest.raises(subprocess.TimeoutExpired):
+        waits.wait(timeout=1.5)
+    assert module.twice(3.0) == 6.0  # compiled, kept, and the turn is given
+    assert waits.communicate(timeout=60)[0] == "1 0\n"
+    # a turn ends with its process
+    forgive(module)
+    module.twice._cache._turn.take()
+    module.twice._cache.flush()
+    waits = compiling(cache)
+    os.close(module.twice._cache._turn._handle)
+    assert waits.communicate(timeout=60)[0] == "begun\n0 1\n"
+
+
+@POSIX
+def test_who_compiles_for_too_long_is_not_waited_for(cache, monkeypatch):
+    monkeypatch.setattr(compiled, "_LONGEST_WAIT", 0.3)
+    module = _imported("kernel", stored("kernel", lambda: TWICE))
+    forgive(module)
+    module.twice._cache._turn.take()
+    stopped = module.twice._cache
+    forgive(module)  # nothing: it is forgiving already
+    assert module.twice._cache is stopped
+    again = compiled._Forgiving(module.twice.py_func)
+    assert again.load_overload(None, None) is None and again._turn._handle < 0
 
 
 # ---- who may write there --------------------------------------------------------------------------------
