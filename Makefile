@@ -1,7 +1,8 @@
 # make study [QUICK=1] [SEED=n] [DATA=folder]   gaps and their causes; with DATA also the real logs kept in that folder
 # make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
 # make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
-# make test | slow | lint | bench               each creates .venv and installs when it has to
+# make test                                     the quick tests
+# make thorough | slow | lint | bench           what takes longer; each creates .venv and installs when it has to
 # make fuzz [S=600]                           mutated inputs of every kind for S seconds; make test tries a few
 # make docs                                     the documentation site into out/docs, offline; warnings are errors
 # make test-posterior PYTHON=python3.13 VENV=.venv313 EXTRAS=test   sampler and posterior on another Python
@@ -18,13 +19,13 @@ POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sampl
 	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
 
 # rewritten asserts are kept between runs: making them anew takes each worker seven seconds
-test test-posterior slow: export PYTHONDONTWRITEBYTECODE =
+test thorough test-posterior slow: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help install study paper reports whole test test-posterior slow fuzz lint bench docs clean
+.PHONY: help install study paper reports whole test thorough test-posterior slow fuzz lint bench docs clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,7s/^# //p' Makefile
+	@sed -n '1,8s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -71,8 +72,11 @@ whole:
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal
 
+thorough: $(STAMP)
+	$(BIN)/python -m pytest -q -m thorough -n auto --maxprocesses 4 --dist worksteal
+
 test-posterior: $(STAMP)
-	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)
+	$(BIN)/python -m pytest -q -m "not slow" -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -q -m slow -n auto --maxprocesses 4 --dist worksteal $(SLOW)

@@ -128,7 +128,7 @@ def _noticed(target, mutant: Mutant, tests: list[str]) -> bool:
                         setattr(module, key, vars(target)[key])
         import pytest
 
-        code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
+        code = int(pytest.main(["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", *tests]))
     finally:
         os._exit(code)
 

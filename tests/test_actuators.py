@@ -72,6 +72,7 @@ def _slower(model, which, share):
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("planted", [{}, {"beyond": 0.8}, {"slower": 0.4}], ids=["stated", "weak", "slow"])
 @pytest.mark.parametrize("which", PLANTS)
 def test_a_boat_moves_as_the_plant_does(which, planted, folder):
@@ -165,6 +166,7 @@ def test_files_of_the_documentation_fit_the_schema(which):
         jsonschema.validate(told, vehicle_schema())
 
 
+@pytest.mark.thorough
 def test_inputs_that_no_log_has_are_told_by_their_columns(folder):
     trial = plant_trial("waterjet", "x", 3)
     without = tuple(

@@ -112,6 +112,7 @@ def test_a_fit_from_frames_finds_the_planted_rudder(sailed):
     assert found.plot("estimates").axes
 
 
+@pytest.mark.thorough
 def test_results_save_what_they_plot(sailed, tmp_path):
     found = excite(sailed, "generic_sub", quick=True)
     assert found.save(tmp_path).read_text(encoding="utf-8").startswith("<!doctype html>")
@@ -128,6 +129,7 @@ def test_identify_says_what_two_zigzags_leave_open(sailed):
     assert len(found.to_dataframe()) == len(found.found.names)
 
 
+@pytest.mark.thorough
 def test_the_documentation_quotes_what_a_diagnosis_of_the_example_says(diagnosed):
     said = answer(diagnosed.found.result)
     for page in ("README.md", "docs/guide/diagnosis.md"):

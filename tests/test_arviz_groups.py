@@ -49,6 +49,7 @@ def group(data, name):
     return data[name].dataset if hasattr(data[name], "dataset") else data[name]
 
 
+@pytest.mark.thorough
 def test_arviz_gives_the_r_hat_and_about_the_effective_size_of_the_check(sampled):
     found = sampled.posterior
     assert found.converged
@@ -153,6 +154,7 @@ def test_one_run_left_out_by_importance_sampling(sampled, trial):
     assert elpd > whole - 50.0
 
 
+@pytest.mark.thorough
 def test_no_leaving_out_where_the_likelihood_is_no_sum_over_runs(trial, tmp_path):
     short = bayesid.sample(
         trial, tmp_path, free="N_v,N_r", prior=0.2, noise="marginal", initial="fixed", memory="ignore",
@@ -183,6 +185,7 @@ def test_the_gradient_sampler_has_nothing_to_resume(trial, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "line", ["from bayesid.estimation.sampling.arviz_import import arviz; arviz()", "import arviz"]
 )

@@ -27,6 +27,7 @@ SMALL = Edition(
 )
 
 
+@pytest.mark.thorough
 def test_an_edition_made_twice_is_the_same_to_the_byte(tmp_path):
     one, other = (make_set(SMALL, tmp_path / k, progress=QUIET) for k in "ab")
     assert one == other and len(one["pack"]) == 1

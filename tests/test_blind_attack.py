@@ -25,6 +25,7 @@ from bayesid.benchmark.protocol.make_pack import commit_pack, write_answer
 from bayesid.benchmark.protocol.report import blind_report
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place, text, said", [
     ("trial.toml", "# it was the tide\n", "pond/trial.toml: holds comments"),
     ("vehicle.toml", "x = 1 # it was the tide\n", "pond/vehicle.toml: holds comments"),

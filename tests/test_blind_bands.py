@@ -37,6 +37,7 @@ def families(rng, count, size, p=None):
         yield misses(p, logged(f"r{k}", np.full(T.size, error[0]), np.full(T.size, 2 * np.pi)), "turn")
 
 
+@pytest.mark.thorough
 def test_band_three_times_too_narrow_is_widened_threefold_and_holds_fresh_runs():
     rng = np.random.default_rng(4)
     p = predicted(1.0, rng)

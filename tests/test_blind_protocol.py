@@ -87,6 +87,7 @@ def score(world, **options):
     return score_pack(world / "answers", world / "out", progress=QUIET, **options)
 
 
+@pytest.mark.thorough
 def test_a_whole_pack_is_solved_committed_and_scored(world):
     jsonschema = pytest.importorskip("jsonschema")
     verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
@@ -289,6 +290,7 @@ def test_verdicts_of_other_code_seed_or_mode_are_not_committed(world, key, value
     )
 
 
+@pytest.mark.thorough
 def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
     def broken(*_):
         raise OSError("disk full")
@@ -313,6 +315,7 @@ def test_packs_and_commitments_of_the_old_kind_are_scored_and_say_so(world):
     assert "names of its bundles carry the seed" in blind_report(sheet).lead
 
 
+@pytest.mark.thorough
 def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "bayesid.benchmark.protocol.make_pack.detectability", lambda *_, **__: ()
@@ -429,6 +432,7 @@ def test_verdicts_do_not_go_into_the_pack_nor_answers_beside_it(world):
         make_pack(1, world / "made", world / "made" / "answers", progress=QUIET)
 
 
+@pytest.mark.thorough
 def test_a_made_pack_is_silent_committed_and_resumed(tmp_path):
     factors = FACTORS
     make_pack(1, tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET, seeds=[3])

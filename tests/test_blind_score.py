@@ -273,6 +273,7 @@ def test_families_share_out_all_probability():
     assert even["current"] == 2.0  # steady and varying
 
 
+@pytest.mark.thorough
 def test_a_campaign_without_effect_leaves_nothing_and_information_goes_with_the_square_of_the_size():
     # plant and model share no code: what is left without an effect is their disagreement
     bare = draw_campaign(4, kind="none", vehicle="lauv", dof=3, sensors="full", sea="mid")

@@ -70,6 +70,7 @@ def events_of(acts, size=SIZE, least=0.0):
     return model.scales["L"] / model.scales["U"], none, found_in(problem, none, least)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [1e-4, 4e-4, 1e-3])
 def test_a_moment_is_dated_whether_the_fit_without_it_follows_the_readings_or_not(size):
     time, none, found = events_of(brief, size)
@@ -79,6 +80,7 @@ def test_a_moment_is_dated_whether_the_fit_without_it_follows_the_readings_or_no
     assert found[0].end / time == pytest.approx(BEGIN + LASTS, abs=1.01)
 
 
+@pytest.mark.thorough
 def test_it_has_to_gain_more_than_what_would_do_instead():
     problem, none = fitted(trial_of(model_of("remus100"), brief))
     (event,) = found_in(problem, none, 0.0)
@@ -87,6 +89,7 @@ def test_it_has_to_gain_more_than_what_would_do_instead():
     assert found_in(problem, none, event.evidence + 1.0) == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("more", "told"), [(-6.0, 1), (-4.0, 0), (1.0, 0)])
 def test_what_a_force_of_the_motion_explains_nearly_as_well_is_no_event(more, told, monkeypatch):
     problem, none = fitted(trial_of(model_of("remus100"), brief))
@@ -100,6 +103,7 @@ def test_without_a_moment_there_is_no_event():
     assert events_of(nothing, least=-np.inf)[-1] == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "acts",
     [lambda run, t: np.sign(np.sin(t / 5.0)), lambda run, t: np.sin(t / 9.0 + (run == "turn"))],
@@ -124,6 +128,7 @@ def test_a_moment_is_told_by_the_rudder_that_would_have_turned_the_vehicle_as_mu
     assert 0.0 < event.sd < 0.2 * abs(event.value)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("channel", "off"), [("psi", 0.03), ("psi", 0.01), ("x", 0.2), ("u", 0.04)])
 def test_readings_wrong_for_a_time_are_no_motion(channel, off, monkeypatch):
     """By two to six times their noise (L, U): a motion where sensors are not asked, or nothing at all."""
@@ -156,6 +161,7 @@ def executed(model, trial, name, actuator, first, last):
     return replace(trial, runs=tuple(replace(r, data=data) if r.name == name else r for r in trial.runs))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("actuator", "name", "first", "last"), [("delta_r", "zigzag", 87, 99), ("n", "turn", 47, 58)]
 )
@@ -175,6 +181,7 @@ def test_an_actuator_that_sticks_is_told_with_where_it_stuck(actuator, name, fir
     assert event.end == pytest.approx(run.t[last], abs=2.0 * step)
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_says_when_and_blames_no_effect():
     """What stands beside an event follows a part of it; beside the rest it has its own times and size."""
     model = model_of("remus100")

@@ -222,6 +222,7 @@ def fitted(flown, tmp_path_factory):
     return trial, out, fit_trial(trial, STATED.vehicle, out, free=KNOWN.names)
 
 
+@pytest.mark.thorough
 def test_a_plan_by_a_fit_has_the_posterior_of_the_fit(fitted) -> None:
     trial, out, found = fitted
     made = trial_case(STATED, trial, known_of(STATED), CASE.bounds, earlier=load_fit(out / "fit.json"))
@@ -270,6 +271,7 @@ def test_excite_has_the_shares_of_identify_at_a_fit(fitted) -> None:
     )
 
 
+@pytest.mark.thorough
 def test_runs_that_err_together_have_a_smaller_share_in_excite(flown) -> None:
     """White runs have that of white noise to the digit."""
     white = fisher_shares(STATED, flown)

@@ -18,6 +18,7 @@ def run(*args: str) -> int:
     return bayesid([str(a) for a in args])
 
 
+@pytest.mark.thorough
 def test_design_writes_orders_the_vehicle_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "next"
     args = ("--executed", "zigzag:10/10", "--duration", "400", "--rudder", "20", "--quick", "--json")
@@ -33,6 +34,7 @@ def test_design_writes_orders_the_vehicle_can_run(tmp_path: Path, capsys: pytest
     assert run("simulate", "generic_sub", f"table:{out / 'next_manoeuvre.csv'}") == 0
 
 
+@pytest.mark.thorough
 def test_comparison_ranks_rich_runs_above_a_straight_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -45,6 +47,7 @@ def test_comparison_ranks_rich_runs_above_a_straight_one(
     assert (tmp_path / "report.html").is_file() and (tmp_path / "comparison.json").is_file()
 
 
+@pytest.mark.thorough
 def test_a_trial_counts_as_executed_and_its_posterior_is_drawn_from(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,7 @@ from bayesid.estimation.sampling import load_posterior
 from bayesid.trials import write_trial
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posterior(tmp_path, capsys):
     # the only test that takes a whole diagnosis through arviz; other effects are left out to save time
     model, current = model_of("generic_sub"), 0.5  # m/s northward, a tenth of the speed

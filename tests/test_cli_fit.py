@@ -28,6 +28,7 @@ def pond(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tmp_path, capsys):
     code = run(["fit", str(pond), *RUNS, "--free", "N_v,N_r,N_dr", "--out", str(tmp_path), "--json"])
     answer = json.loads(capsys.readouterr().out)
@@ -54,6 +55,7 @@ def test_a_fit_does_not_write_over_the_vehicle_file_of_its_trial(pond, capsys):
     assert {p.name: p.read_bytes() for p in pond.iterdir() if p.is_file()} == before
 
 
+@pytest.mark.thorough
 def test_a_flat_valley_is_not_called_a_success(pond, capsys):
     """All rows of one axis, inertia included, can be scaled together without a trace in the motion."""
     code = run(["fit", str(pond), *RUNS, "--quick", "--json"])
@@ -62,6 +64,7 @@ def test_a_flat_valley_is_not_called_a_success(pond, capsys):
     assert any("Y_vdot" in d["name"] and d["held_by"] != "prior" for d in answer["flat"])
 
 
+@pytest.mark.thorough
 def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
     current = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(tmp_path)]
     noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
@@ -100,6 +103,7 @@ def test_fewer_readings_find_the_same_coefficients(pond, capsys):
         assert abs(found["value"] - found["start"]) < 4 * found["sd"]  # one fixed seed
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):
     def fitted(folder):

@@ -28,6 +28,7 @@ def test_a_bundle_names_its_structural_directions(pond, capsys):
     assert any("no noise is stated for" in line for line in answer["remarks"])
 
 
+@pytest.mark.thorough
 def test_three_coefficients_are_fixed_and_a_report_says_so(pond, tmp_path, capsys):
     assert run(["identify", str(pond), "--free", "N_v,N_r,N_dr", "--out", str(tmp_path), "--quick"]) == 0
     assert (

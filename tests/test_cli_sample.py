@@ -24,6 +24,7 @@ def pond(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 def test_a_chain_cut_short_is_code_3_and_resumed_it_converges_around_the_truth(pond, tmp_path, capsys):
     short = ["sample", str(pond), "--out", str(tmp_path), *CHOICE]
     assert run([*short, "--max-steps", "20"]) == 3
@@ -56,6 +57,7 @@ def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_pat
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     line = [
@@ -79,6 +81,7 @@ def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     assert "cut into 3 pieces" in page and "Noise comes out larger" not in page
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_noise_stated_a_tenth_of_what_readings_show_is_told_and_not_used(pond, tmp_path, capsys):
     stated = tmp_path / "stated"

@@ -60,6 +60,7 @@ def test_the_speed_of_a_run_is_that_of_its_track_where_no_velocity_is_logged(bun
     assert 1.7 < low <= 2.0 <= high < 2.3
 
 
+@pytest.mark.thorough
 def test_a_trial_that_logs_roll_is_planar_where_its_vehicle_is(bundle, capsys):
     text = (bundle / "r1.csv").read_text().splitlines()
     rolled = [
@@ -141,6 +142,7 @@ def test_a_broken_bundle_is_exit_code_2_without_traceback(content, tmp_path, cap
     assert err.startswith("bayesid: ") and "Traceback" not in err and "unexpected" not in err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", builtin_names())
 def test_vehicle_check_judges_every_built_in_set(name, capsys):
     assert run(["vehicle", "check", name, "--json"]) == 0

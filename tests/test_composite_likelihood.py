@@ -340,6 +340,7 @@ def test_a_fit_with_white_noise_does_not_claim_to_allow_for_more():
         assert any(words in line for line in result._doubts())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("parts", [NoiseParts(), None])
 def test_the_report_of_a_fit_speaks_of_memory_only_where_intervals_allow_for_it(parts):
     s, _, trial = campaign_of(Condition(memory=10.0), 4)
@@ -550,6 +551,7 @@ def test_the_sd_of_white_noise_beside_the_honest_one_is_that_of_white_noise():
     assert found.white_sd == pytest.approx(as_white.sd, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_coefficient_that_differs_between_odd_and_even_runs_is_flagged_or_covered():
     s, truth, one = campaign_of(Condition(), 2)
     moved = truth.copy()
@@ -566,6 +568,7 @@ def test_a_coefficient_that_differs_between_odd_and_even_runs_is_flagged_or_cove
     assert found.sd[where] > 3 * as_white.sd[where]
 
 
+@pytest.mark.thorough
 def test_channels_a_force_moves_do_not_decide_by_their_stated_noise():
     # the stated noise of the position is a hundredth of what the force makes of it
     s, truth, trial = campaign_of(Condition(force=3e-4), 3)
@@ -580,6 +583,7 @@ def test_channels_a_force_moves_do_not_decide_by_their_stated_noise():
     assert np.sqrt(np.mean(z**2)) < 2.0 < np.sqrt(np.mean(z_white**2)) / 5
 
 
+@pytest.mark.thorough
 def test_the_saved_covariance_is_the_honest_one(tmp_path):
     s, _, trial = campaign_of(Condition(memory=10.0), 4)
     found = fit_trial(trial, s.model.vehicle, tmp_path, params=s.params, threads=1)
@@ -690,6 +694,7 @@ def test_bands_of_the_predictive_model_hold_fresh_runs():
     assert 0.90 <= np.mean(shares) <= 0.98
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("several", [False, True])
 def test_runs_are_said_to_be_predicted_from_the_others_only_where_there_are_others(several):
     s, _, trial = campaign_of(Condition(), 0)

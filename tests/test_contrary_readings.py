@@ -43,6 +43,7 @@ def test_a_rudder_that_follows_its_order_has_no_mistake():
     assert check_input(of_rudder(1.0)).findings == ()
 
 
+@pytest.mark.thorough
 def test_of_a_reading_and_an_order_that_contradict_the_turn_tells_the_wrong_one():
     (reading,) = check_input(of_rudder(-1.0)).findings
     assert reading.correction.scale == {"delta_r": -1.0} and reading.also == ()
@@ -52,6 +53,7 @@ def test_of_a_reading_and_an_order_that_contradict_the_turn_tells_the_wrong_one(
     assert both.name == "sign of delta_r"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("right", [1, 2])
 def test_a_reading_reversed_in_some_runs_is_told_of_these_alone(right):
     good = [
@@ -63,6 +65,7 @@ def test_a_reading_reversed_in_some_runs_is_told_of_these_alone(right):
     assert set(found.correction.runs) == {run.name for run in spoilt}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["n_port", "bucket_1", "delta_b"])
 def test_where_no_turn_tells_either_may_be_wrong(name):
     order = {"n_port": 600.0, "bucket_1": 0.8, "delta_b": 0.2}[name] * np.sign(np.sin(0.2 * weave(1).t + 0.1))
@@ -109,6 +112,7 @@ def test_an_azimuth_read_beyond_half_a_turn_is_its_order_and_not_the_mirror_imag
     assert follows(replace(run, measured_inputs={"azimuth_1": -order}), "azimuth_1") == -SURE
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("readings", "orders", "name"),
     [

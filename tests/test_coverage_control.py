@@ -45,6 +45,7 @@ def test_a_row_takes_what_a_force_it_lacks_does_in_its_place():
     assert s.params.names[int(np.argmax(moved))].startswith("X") and moved.max() > 0.3
 
 
+@pytest.mark.thorough
 def test_replicates_that_were_kept_on_disk_are_judged_as_those_that_were_not():
     """Two campaigns with a row that the fit lacks."""
     name = "other equations: three more rows"

@@ -119,10 +119,12 @@ def found_in(force, **more):
     return model.scales, dependence(sought_in(problem, none.fit.free, none.fit.followed), none.fit.par)
 
 
+@pytest.mark.thorough
 def test_nothing_is_found_where_only_coefficients_differ():
     assert found_in(lambda *rest: {})[1] is None
 
 
+@pytest.mark.thorough
 def test_a_force_of_the_motion_that_the_equations_lack_is_no_dependence():
     def cubed(model, par, name, t, at):
         s = model.scales
@@ -160,6 +162,7 @@ def swell(size, period):
     return force
 
 
+@pytest.mark.thorough
 def test_hull_forces_that_change_from_place_to_place_are_told():
     scales, found = found_in(uneven(0.3, 16.0))
     assert (found.on, found.acts) == ("place", "hull")
@@ -195,6 +198,7 @@ def test_a_map_gives_a_force_over_ground_back_whatever_the_heading():
     assert _map(_Tried("period", "ground", 0.0, 1.0, body), body, pieces, 2.0, size) == ()
 
 
+@pytest.mark.thorough
 def test_a_force_with_a_period_is_told():
     scales, found = found_in(swell(1e-3, 5.0))
     assert (found.on, found.acts) == ("period", "ground")
@@ -203,12 +207,14 @@ def test_a_force_with_a_period_is_told():
     assert found.size == pytest.approx(planted, rel=0.3) and found.map == ()
 
 
+@pytest.mark.thorough
 def test_a_force_with_a_period_is_told_where_nobody_states_the_environment():
     scales, found = found_in(swell(1e-3, 5.0), stated=False)
     assert found.on == "period"
     assert found.scale * scales["U"] / scales["L"] == pytest.approx(5.0, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_runs_of_very_many_samples_are_cut_alike_at_every_size_of_the_environment(monkeypatch):
     """Fewer bytes, fewer pieces: those of the search and those that ask again are the same."""
     monkeypatch.setattr(cut_runs, "MOST_BYTES", 4_000_000)
@@ -232,6 +238,7 @@ def test_gusts_in_one_run_are_no_place(seed):
     assert found_in(gusts, keep=("zigzag",))[1] is None
 
 
+@pytest.mark.thorough
 def test_hull_forces_of_a_run_that_is_another_day_s_are_no_place():
     """Each run its own share, as of a draught or a growth that differs: one number per run."""
     share = {"zigzag": 0.25, "turn": -0.2, "zigzag back": -0.25, "turn back": 0.2}
@@ -242,6 +249,7 @@ def test_hull_forces_of_a_run_that_is_another_day_s_are_no_place():
     assert found_in(another_day)[1] is None
 
 
+@pytest.mark.thorough
 def test_a_position_that_swings_is_no_force_with_a_period():
     def swings(model, t):
         time = model.scales["L"] / model.scales["U"]

@@ -58,6 +58,7 @@ def planted(name):
     }[name]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["Y_vvv", "X_vv", pytest.param("N_v|r|", marks=pytest.mark.slow)])
 def test_a_planted_term_is_named_with_its_size(name):
     """Two runs of 48 L/U; coefficients of the executed vehicle drawn from the 5 % prior. X_vv is a row the

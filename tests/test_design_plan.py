@@ -110,6 +110,7 @@ def test_worst_reading_is_never_predicted_better_than_the_mean(infos: dict) -> N
         assert worst.shown(info.matrices) > mean.shown(info.matrices)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["shrink", "predict", "gain"])
 def test_design_beats_library_and_random_orders_on_vehicles_it_never_saw(kind: str) -> None:
     wanted = library_within(MODEL, CASE.bounds)["zigzag_10"]
@@ -118,12 +119,14 @@ def test_design_beats_library_and_random_orders_on_vehicles_it_never_saw(kind: s
     assert plan.designed.value > max(c.value for c in plan.randoms)
 
 
+@pytest.mark.thorough
 def test_same_seed_same_design() -> None:
     effort = replace(SMALL, evaluations=60)
     one, two = (next_manoeuvre(CASE, "gain", np.random.default_rng(2), effort=effort, count=1) for _ in "ab")
     assert one.designed == two.designed
 
 
+@pytest.mark.thorough
 def test_design_stays_within_its_room() -> None:
     narrow = replace(CASE, bounds=replace(CASE.bounds, box=600.0))
     plan = next_manoeuvre(narrow, "gain", np.random.default_rng(3), effort=SMALL, count=1)

@@ -48,6 +48,7 @@ def test_a_stop_by_the_user_is_not_swallowed():
         attempt("no map", stopped, 7, [])
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_every_step_after_the_verdict_may_fail(tmp_path, monkeypatch, capsys):
     """The worst case through the command line: draws, hold-out, next run and model all leave the model."""

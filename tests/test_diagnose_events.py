@@ -66,6 +66,7 @@ def case(name, event):
     return trial, problem, identify_events(problem, trial, suspects(problem))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name, event, kind, channel, lasts", [
     ("remus100", "jump", "jump", "x,y", 0.0),
     ("remus100", "freeze", "sensor", "psi", 4.0),

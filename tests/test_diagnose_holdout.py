@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
@@ -109,6 +110,7 @@ def test_posterior_draws_have_the_posterior_s_mean_and_deviation():
     np.testing.assert_array_equal(some, np.repeat(best.par[None, fixed], 3, axis=0))
 
 
+@pytest.mark.thorough
 def test_coefficients_less_well_known_widen_the_interval():
     narrow, wide = (case(True, known)[2].horizons[-1].interval for known in (0.005, 0.05))
     assert wide[1] - wide[0] > 2.0 * (narrow[1] - narrow[0])

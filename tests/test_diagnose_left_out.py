@@ -15,6 +15,7 @@ from bayesid.diagnosis.run import diagnose
 from bayesid.report.diagnosis.evidence import cause_blocks
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("gain", "named"), [(-0.3, False), (0.3, True)])
 def test_a_name_falls_where_both_checks_fail_and_stands_where_one_holds(monkeypatch, gain, named):
     model = model_of("remus100")

@@ -77,6 +77,7 @@ def test_a_posterior_needs_a_converged_effect():
         effect_density(problem, fit_with(problem, ()))
 
 
+@pytest.mark.thorough
 def test_draws_cover_the_truth_and_agree_with_laplace():
     problem, fitted, truth = case("ocean_current")
     found = sample_effect(problem, fitted, seed=1, sample_noise_scale=False)
@@ -151,6 +152,7 @@ def far_draws(found):
     return draws[ends]
 
 
+@pytest.mark.thorough
 def test_the_density_is_right_wherever_the_noise_scale_is_drawn():
     # nothing is stated, so the level is what the draws make of it
     model = model_of("remus100")

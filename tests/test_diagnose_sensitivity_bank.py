@@ -123,6 +123,7 @@ def test_pure_noise_pays_the_occam_factor_less_half_the_score_it_makes():
         assert abs(gain(bank, g, name) - expected) < 1e-5 * max(1.0, abs(expected)), name
 
 
+@pytest.mark.thorough
 def test_score_p_values_are_uniform_on_nulls():
     # 100 nulls per effect, Kolmogorov-Smirnov; Bonferroni over some 35 effects at 1 % in all
     _, bank, _ = nominal_case()
@@ -150,6 +151,7 @@ def test_score_p_values_are_uniform_on_nulls():
     assert stats.kstest(p, "uniform").pvalue < 1e-10
 
 
+@pytest.mark.thorough
 def test_no_null_makes_the_screen_ring():
     # evidence of 5 over none is a false alarm below exp(-5) per effect (Markov); 100 nulls, 35 effects
     _, bank, _ = nominal_case()
@@ -235,6 +237,7 @@ def test_detectability_grows_with_the_square_of_the_size():
     np.testing.assert_allclose(thrice.absorbed, once.absorbed, atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ("remus100", "generic_sub"))
 def test_expected_margins_are_the_mean_of_realised_ones(name):
     # rule A6 by Monte Carlo; margins between 3 and 300, where a name is at stake
@@ -289,6 +292,7 @@ def test_effects_with_one_column_in_two_banks_share_a_group():
     np.testing.assert_allclose(known.absorbed, 0.0, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_thresholds_are_what_trials_without_effect_reach_by_chance():
     _, bank, _ = nominal_case()
     best, moved = chance(bank, seed=1, draws=2000)

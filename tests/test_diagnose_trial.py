@@ -55,6 +55,7 @@ def verdict_of(name, seed, gap="", size=0.0):
     return problem, candidates, decide(problem, candidates)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name, seed", [("remus100", 11), ("remus100", 12), ("generic_sub", 11)])
 def test_no_effect_present_is_reported_as_none(name, seed):
     _, candidates, verdict = verdict_of(name, seed)
@@ -64,6 +65,7 @@ def test_no_effect_present_is_reported_as_none(name, seed):
     assert candidates.where.places[0].evidence < 5.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gap, size, family", [("current", 0.03, "current"), ("bias", 0.03, "heading_bias")])
 def test_a_planted_effect_is_named(gap, size, family):
     # control of the two tests around it: the same trials with a cause of the catalogue
@@ -82,6 +84,7 @@ FOREIGN = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name, gap, size", FOREIGN)
 def test_a_cause_outside_the_catalogue_gets_no_name(name, gap, size):
     _, candidates, verdict = verdict_of(name, 5, gap, size)
@@ -129,6 +132,7 @@ def blinded(trial, fill):
     return replace(trial, runs=tuple(runs))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("fill", [
     pytest.param(lambda v: np.full_like(v, np.nan), id="nothing"),
     pytest.param(lambda v: 1e6 * np.cos(np.arange(v.size)), id="rubbish"),
@@ -221,6 +225,7 @@ def scattered(trial, seed):
     return replace(trial, runs=tuple(runs)), hits
 
 
+@pytest.mark.thorough
 def test_scattered_outliers_are_found_whatever_the_gap_and_good_readings_stay():
     # measured 82 %, here; on logs of the plant 88 % (80 % of those of 8 to 12 sigma) at a precision of 99 %
     found, planted = 0, 0
@@ -297,6 +302,7 @@ def held(run, **orders):
     )
 
 
+@pytest.mark.thorough
 def test_a_run_that_was_to_be_straight_and_is_not_is_named():
     """A rudder that stands off turns the vehicle in its straight run: 'no straight run' alone surprises."""
     model = model_of()

@@ -259,6 +259,7 @@ def test_coefficients_freed_all_at_once_are_told_without_private_words():
     assert in_words("coefficient_error:N_r") == "coefficient error of N_r"
 
 
+@pytest.mark.thorough
 def test_the_picture_is_on_the_first_screen_and_small(tmp_path):
     t = np.linspace(0.0, 100.0, 201)
     log = np.column_stack([np.sin(t / 20), np.cos(t / 20), t / 20])

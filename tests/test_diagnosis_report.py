@@ -29,6 +29,7 @@ from bayesid.report.writer.blocks import Section, cell_text
 from bayesid.report.writer.markup import to_markdown
 
 
+@pytest.mark.thorough
 def test_the_report_is_written_from_the_result_alone(tmp_path):
     """No fit, problem, model or trial is behind this result: whatever the report says and draws is in it."""
     written = write_diagnosis_report(RESULT, tmp_path).parent
@@ -40,6 +41,7 @@ def test_the_report_is_written_from_the_result_alone(tmp_path):
     assert drawn >= {"where", "force", "screen", "effect_corner", "horizon_errors", "isolability"}
 
 
+@pytest.mark.thorough
 def test_saving_needs_no_working_object(tmp_path):
     from bayesid.api.diagnose import DiagnoseResult
 
@@ -272,6 +274,7 @@ def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_o
     assert "one standard deviation of a refit" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("acts", "row"), [("hull", (1.0, 2.0, 0.1)), ("ground", (1.0, 2.0, 3.0, -4.0))])
 def test_a_force_with_the_place_is_drawn_on_the_tracks(acts, row, tmp_path):
     placed = Dependence("place", acts, 40.0, 40.0, 0.2, 50.0, (row, tuple(-x for x in row)))

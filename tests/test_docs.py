@@ -53,6 +53,7 @@ def commands_of(page, languages=("bash",)):
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("page", "names"),
     [
@@ -194,6 +195,7 @@ def shown_by(page):
     return [line for line in lines if line.strip() and "..." not in line and not line.startswith("bayesid ")]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CHEAP)
 def test_a_short_page_runs(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -223,6 +225,7 @@ def test_every_page_with_commands_is_run_by_a_test():
     assert with_code == {(DOCS / name).resolve() for name in (*CHEAP, *COSTLY)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [
     "ridge_of_a_turn",
     # `make docs` runs all of them, and ends where one fails

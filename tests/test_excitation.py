@@ -156,6 +156,7 @@ def test_a_bang_bang_rudder_cannot_tell_delta_from_delta_abs_delta(remus):
         assert found["steps"]["N_dr|dr|"].status == "not needed"
 
 
+@pytest.mark.thorough
 def test_a_steady_turn_cannot_tell_vv_from_vr_from_rr(submarine):
     """In a spiral v/r hardly changes (correlations above 0.999): X_vv, X_vr and X_rr make one force."""
     runs, noise = executed(submarine, ["spiral"])
@@ -181,6 +182,7 @@ def test_a_plain_ensemble_names_terms_a_spiral_cannot_tell(submarine):
     assert not [n for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr") if selection(ours, n).status == "found"]
 
 
+@pytest.mark.thorough
 def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(submarine):
     names = ["multisine", "zigzag_20_port", "prbs"]
     runs, noise = executed(submarine, names, cubic(submarine), share=0.3)
@@ -194,6 +196,7 @@ def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(subm
     assert "Y_vvv" not in [w.name for w in poor.candidates]
 
 
+@pytest.mark.thorough
 def test_a_report_shows_commands_as_code(submarine):
     runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], cubic(submarine), share=0.3)
     found = excite(submarine, runs, noise, draws=20)
@@ -235,6 +238,7 @@ def test_velocities_come_from_positions_and_heading_alone(submarine):
     assert np.std(wrong) < 0.2 * np.std(truth)
 
 
+@pytest.mark.thorough
 def test_the_regression_is_by_pysindys_own_optimisers(submarine, monkeypatch):
     """With PySINDy's forward regression made to propose nothing, only what the vehicle file says is tried."""
     import pysindy
@@ -250,11 +254,13 @@ def test_the_regression_is_by_pysindys_own_optimisers(submarine, monkeypatch):
     assert "pysindy" in versions()
 
 
+@pytest.mark.thorough
 def test_pysindy_is_loaded_when_it_is_used_and_not_before():
     code = "import bayesid, bayesid.api.excite, bayesid.cli.excite, sys; sys.exit('pysindy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.thorough
 def test_pysindy_finds_terms_of_rich_runs_and_groups_of_a_spiral(submarine):
     """Known truth: the vehicle file. No term that is absent is found singly in either."""
     runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
@@ -322,6 +328,7 @@ def test_wrong_forms_and_empty_sets_are_refused(submarine):
         rows(submarine, motions, library(submarine), "weak")
 
 
+@pytest.mark.thorough
 def test_the_command_writes_report_and_json(tmp_path, capsys):
     bundle = tmp_path / "bundle"
     noise = ["--noise", "u=0.01", "--noise", "v=0.01", "--noise", "r=0.0007", "--noise", "psi=0.005"]

@@ -77,17 +77,20 @@ def test_a_model_goes_to_another_process_and_back(model):
     assert again.kernel.full.module is model.kernel.full.module and again.digest == model.digest
 
 
+@pytest.mark.thorough
 def test_two_processes_give_the_numbers_of_one_to_the_bit(model):
     work = partial(replicate, model)
     assert same(list(HERE.in_order(work, range(5))), list(TWO.in_order(work, range(5))))
 
 
+@pytest.mark.thorough
 @needs_dask
 def test_a_dask_cluster_gives_the_same_numbers_to_the_bit(model, cluster):
     work = partial(replicate, model)
     assert same(list(HERE.in_order(work, range(5))), list(executor_of(cluster).in_order(work, range(5))))
 
 
+@pytest.mark.thorough
 def test_a_killed_worker_costs_its_task_only_and_that_runs_again(tmp_path):
     assert list(TWO.in_order(partial(killed_once, tmp_path), range(4))) == [0, 1, 4, 9]
     tries = sorted(p.name[0] for p in tmp_path.iterdir())
@@ -105,6 +108,7 @@ def span_after(seconds):
     return begun, time.monotonic()
 
 
+@pytest.mark.thorough
 @needs_dask
 def test_workers_that_join_later_get_tasks(monkeypatch):
     """As those of a batch system do; with the one there was at first two tasks would be out at a time."""
@@ -128,6 +132,7 @@ def test_a_worker_of_another_version_gives_no_number():
         _checked("0.0.1", abs, 1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("executor", [HERE, TWO], ids=["here", "processes"])
 def test_an_error_of_a_task_is_the_error_of_the_work(executor):
     with pytest.raises(BayesidError, match="task 0 cannot be read"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
@@ -30,6 +31,7 @@ def refitted(seed, other):
     return problem, weighted_hypothesis(problem, (LAG,), fit_with(problem, (model.effects[LAG],)))
 
 
+@pytest.mark.thorough
 def test_coefficients_that_are_wrong_are_re_tuned():
     """Three vehicles: one alone has three runs, over which the gain scatters by half of itself."""
     gains, errors = [], []
@@ -68,6 +70,7 @@ def of_the_day(signs):
     return problem, weighted_hypothesis(problem, ("ocean_current",), current)
 
 
+@pytest.mark.thorough
 def test_what_one_day_does_is_not_in_the_model_that_predicts_other_days():
     """One current for all runs goes with what the others had; the simulator as given goes with none. The
     control: the same in all runs."""
@@ -123,6 +126,7 @@ def test_a_replay_misses_by_the_noise_with_the_truth_and_by_more_without():
     assert wrong["psi"] > 2.0 * right["psi"]
 
 
+@pytest.mark.thorough
 def test_what_predicts_has_the_coefficients_of_the_explanation():
     model = model_of()
     trial = planted_trial(model, {f"{LAG}.tau": 0.5 * model.scales["L"] / model.scales["U"]}, 4)

@@ -35,6 +35,7 @@ def folder(tmp_path_factory):
     return out
 
 
+@pytest.mark.thorough
 def test_vehicle_files_and_effects_are_draws_of_the_posterior(folder, tmp_path):
     found = bayesid.export(folder, tmp_path, 400, seed=3)
     record = json.loads((tmp_path / "ensemble.json").read_text(encoding="utf-8"))

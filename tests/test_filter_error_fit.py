@@ -111,6 +111,7 @@ def test_standard_deviations_are_those_of_the_errors():
     assert np.mean(np.abs(z) < 2.0) > 0.88
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("seed", (0, 1))
 def test_the_true_effect_beats_none_and_heads_the_screen(name, seed):

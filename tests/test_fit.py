@@ -100,6 +100,7 @@ def test_a_flat_valley_is_never_called_a_success(model, spiral_target):
     assert any("Y_vdot" in d.name for d in exact)
 
 
+@pytest.mark.thorough
 def test_a_prior_that_holds_a_flat_direction_makes_it_a_success(model):
     trial = zigzag_trial(model, NOISE, seed=7)
     free = coefficient_set(model, use_prior=False)
@@ -140,6 +141,7 @@ def test_every_iterate_is_on_disk_and_the_fit_can_be_read_back(model, tmp_path):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("profile", [False, True])
 def test_a_fit_killed_at_any_line_of_its_log_ends_with_the_very_same_numbers(model, tmp_path, profile):
     trial = zigzag_trial(model, NOISE, seed=8, par=planted(model))
@@ -209,6 +211,7 @@ def test_lines_of_another_fit_in_the_log_are_not_taken_for_this_one(model, tmp_p
     assert (mixed / "iterates.jsonl").read_text().splitlines()[: 2 + len(others)] == [*mine[:2], *others]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spoil", ["cost", "z", "shape", "kind"])
 def test_a_log_whose_cost_is_not_that_of_its_values_is_refused_and_kept_aside(model, tmp_path, spoil):
     problems, results, (mine, others) = mixed_logs(model, tmp_path)
@@ -237,6 +240,7 @@ def test_other_options_do_not_go_on_from_the_log(model, tmp_path):
     assert fit(problem, folder=tmp_path).converged
 
 
+@pytest.mark.thorough
 def test_several_starts_tell_how_many_end_in_the_same_place(model):
     trial = zigzag_trial(model, NOISE, seed=9)
     problem = trial_problem(model, trial, coefficient_set(model, FREE, use_prior=False), initial=False)

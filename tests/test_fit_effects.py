@@ -65,6 +65,7 @@ def test_without_effects_the_same_fit_misses_the_runs(found):
     assert min(found.gains.values()) > 50.0
 
 
+@pytest.mark.thorough
 def test_effects_that_are_not_there_have_intervals_that_hold_their_off_value(absent):
     for name in PLANTED:
         i = absent.fit.names.index(name)
@@ -101,6 +102,7 @@ def test_a_size_far_from_zero_that_gains_nothing_says_that_the_runs_do_without_i
     assert all("does not show in these runs: with all else fitted again" in words for words in nothing)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("onset", "piece"), [(45.0, None), (240.0, None), (240.0, 100.0)])
 def test_a_drag_that_steps_up_is_found_though_its_time_has_no_slope_while_it_is_off(onset, piece):
     """Begun at nothing, at the prior's mean beyond the end of the runs, a search stays there."""

@@ -92,6 +92,7 @@ def test_a_second_fit_starts_from_the_first_and_keeps_what_it_knew(trial, found)
     assert (again.fit.sd[:6] < found.fit.sd[:6]).all()
 
 
+@pytest.mark.thorough
 def test_the_report_shows_verdict_coefficients_residuals_and_runs(found, tmp_path):
     page = write_fit_report(found, tmp_path).read_text()
     text = (tmp_path / "report.md").read_text()
@@ -108,6 +109,7 @@ def test_the_report_shows_verdict_coefficients_residuals_and_runs(found, tmp_pat
         assert png.stat().st_size < 200_000
 
 
+@pytest.mark.thorough
 def test_an_open_combination_is_in_the_report_by_name(trial):
     names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
     loose = fit_trial(trial, free=names, use_prior=False)
@@ -152,6 +154,7 @@ def test_what_the_data_leave_open_has_the_spread_of_its_bounds_and_the_rest_its_
     assert within_widths(small, np.full(2, np.inf)) is small
 
 
+@pytest.mark.thorough
 def test_a_fit_that_leaves_much_open_writes_a_vehicle_that_can_be_read(trial, tmp_path):
     names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr", "N_vdot", "N_v|v|", "X_rr", "X_vv")
     loose = fit_trial(trial, out=tmp_path, free=names, use_prior=False)
@@ -230,6 +233,7 @@ def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
     assert memory(series) == pytest.approx(19.0, rel=0.15)  # (1 + a) / (1 - a)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
     names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")

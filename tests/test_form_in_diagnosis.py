@@ -135,6 +135,7 @@ def test_only_what_exceeds_the_form_speaks_for_another_cause():
     assert beyond(100.0, 30.0) == 70.0 and beyond(20.0, 30.0) == 0.0 and beyond(-3.0, 30.0) == -3.0
 
 
+@pytest.mark.thorough
 def test_where_the_equations_are_right_no_form_is_asked_for():
     model = model_of("remus100")
     for seed, planted in ((3, {}), (4, {"rudder_offset.offset": 0.06})):
@@ -150,6 +151,7 @@ def planted_form(model, size):
     return {n: -size * typical(model, n) for n in ("Y_vvr", "Y_|v|r", "N_vvr", "N_|v|r") if n in model.index}
 
 
+@pytest.mark.thorough
 def test_a_form_is_found_where_the_equations_lack_one_and_the_cause_beside_it_keeps_its_name():
     model = model_of("generic_sub")
     lacking = planted_form(model, 2e-3)
@@ -167,6 +169,7 @@ def test_a_form_is_found_where_the_equations_lack_one_and_the_cause_beside_it_ke
     assert form_gain(found.problem, found.candidates.best) > 20.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [2e-3, 0.0])
 def test_a_hull_out_of_line_is_a_cause_where_no_form_is_needed_alone(size):
     """One screw turns a hull aside as a bent fin does: where equations lack a force it is not told."""
@@ -181,6 +184,7 @@ def test_a_hull_out_of_line_is_a_cause_where_no_form_is_needed_alone(size):
         assert verdict.effects == ("hull_misalignment",) and found.problem.form is None
 
 
+@pytest.mark.thorough
 def test_a_hull_out_of_line_is_named_beside_another_cause_where_no_form_is_needed():
     model = model_of("generic_sub")
     moment = 3e-4 * 0.5 * model.scales["rho"] * model.scales["L"] ** 3 * model.scales["U"] ** 2

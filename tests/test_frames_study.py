@@ -28,6 +28,7 @@ def fouled(size, sd=as_built.AS_BUILT_SD):
     return diagnose_campaign.identify_only(made)
 
 
+@pytest.mark.thorough
 def test_a_fouled_hull_is_hidden_by_free_coefficients_and_shows_as_built_by_the_square_of_its_size():
     # a log that is all but perfect leaves a change of one coefficient D = (change / its sd)^2
     built, free, half = (
@@ -41,6 +42,7 @@ def test_a_fouled_hull_is_hidden_by_free_coefficients_and_shows_as_built_by_the_
     assert built.noncentrality > 25 > free.noncentrality
 
 
+@pytest.mark.thorough
 def test_a_campaign_is_brought_to_the_noncentrality_asked_for():
     made = diagnose_campaign.aimed(fouled, 60.0)
     assert detectability(made, rivals=False)[0].noncentrality == pytest.approx(60.0, rel=0.25)

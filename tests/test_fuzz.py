@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent / "fuzz"))
 from fuzz_inputs import Counted, fuzz, try_input
 
 
+@pytest.mark.thorough
 def test_no_mutated_input_of_any_kind_escapes():
     found = fuzz(seconds=60.0, seed=20261123, rounds=12)
     assert all(c.tried >= 48 and c.hung == 0 for c in found.values())

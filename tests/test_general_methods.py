@@ -63,6 +63,7 @@ def test_local_statistics_are_gains_in_likelihood_with_coefficients_integrated()
     assert t[0] == pytest.approx(b @ np.linalg.solve(cause.T @ weight @ cause, b), rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_global_p_values_of_data_without_a_gap_are_uniform_and_a_pulse_is_found(monkeypatch):
     monkeypatch.setattr("bayesid.benchmark.general_methods.distortions.NULL_DRAWS", 1000)
     rng = np.random.default_rng(2)
@@ -126,6 +127,7 @@ def test_risks_are_those_of_the_program_of_the_authors(c, mean, sd):
     assert drawn.std() == pytest.approx(sd, rel=0.12)
 
 
+@pytest.mark.thorough
 def test_other_methods_answer_a_pack_and_are_scored_beside_each_other(tmp_path, capsys):
     model = model_of("remus100")
     trial = planted_trial(model, other_vehicle(model, 11), seed=11, holdout=("turn",))

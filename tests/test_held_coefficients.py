@@ -49,6 +49,7 @@ def fitted(rows=(), off=(), free=FREE, seed=3):
     return problem, found, dict(zip([p.name for p in s.params.entries], truth, strict=True))
 
 
+@pytest.mark.thorough
 def test_what_held_coefficients_are_off_by_is_no_force_the_equations_lack():
     problem, found, truth = fitted(off=OFF_BY)
     assert "form" not in found.uncertainty
@@ -67,6 +68,7 @@ def test_where_the_held_are_right_nothing_is_asked_for():
     assert "held" not in found.uncertainty and "form" not in found.uncertainty
 
 
+@pytest.mark.thorough
 def test_rows_that_no_held_coefficient_makes_are_a_form():
     rows = coverage.CONDITIONS["other equations: three more rows"].rows
     _, found, _ = fitted(rows=rows, free=None)

@@ -112,6 +112,7 @@ def test_the_order_of_days_does_not_matter():
     np.testing.assert_allclose(one.apart, other.apart[::-1], rtol=1e-7, atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_a_change_is_told_and_its_size_is_inside():
     told, inside, wrong = 0, 0, 0
     for seed in range(40):
@@ -135,6 +136,7 @@ def test_two_changes_of_one_day_are_told_both():
     assert min(each[0], each[3]) >= 0.8 and max(each[[1, 2, 4]]) == 0.0
 
 
+@pytest.mark.thorough
 def test_days_that_are_the_same_are_told_no_change():
     """Bound of the module: one set with 0.05 or less in at most 1 of 19, so 10.5 of 200 expected at most."""
     same = np.array([fit(days(1000 + seed)[0]).same for seed in range(200)])

@@ -91,6 +91,7 @@ def test_an_identifiable_coefficient_is_open_in_no_lens(confounded):
         assert found.information.share_along(axis) > 0.99
 
 
+@pytest.mark.thorough
 def test_three_structural_directions_and_the_ridge_are_named_on_the_spiral(on_spiral):
     # Furlong et al. (2003), all 22 free: two scaled equations and, in one-sided turns, their mixture
     words = [d.words for d in on_spiral.structural]

@@ -206,6 +206,7 @@ def test_an_import_that_fails_leaves_the_earlier_one_whole(bundle, capsys, chang
     assert contents(out) == before and not list(out.glob(".*"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("fails_at", range(1, 9))
 def test_a_disk_that_fails_in_between_leaves_the_earlier_one_whole(bundle, capsys, monkeypatch, fails_at):
     out, again = bundle

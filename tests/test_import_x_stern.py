@@ -74,6 +74,7 @@ def log_of(tmp_path, order, heads, name="log.csv", noise=0.05, **more):
     return _table(tmp_path, {"t": run.t}, columns, name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("heads", [[f"Fin {k}" for k in (1, 2, 3, 4)], [f"Fin {p}" for p in PLACES]])
 def test_the_fins_are_read_and_none_is_left_to_ask_for(tmp_path, heads):
     found = propose([log_of(tmp_path, "zigzag:20/20,duration=60", heads)], steering=STERN_X)
@@ -86,6 +87,7 @@ def test_the_fins_are_read_and_none_is_left_to_ask_for(tmp_path, heads):
     assert any("delta_1_cmd = " in text for text in lost.map.questions)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("order", "named"),
     [
@@ -137,6 +139,7 @@ def waved(t, rng):
     return 0.2 * np.sin(0.4 * t) + noise(t, rng) / 10.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("order", "reading", "asks"),
     [

@@ -69,6 +69,7 @@ def test_a_clean_log_is_in_order_with_and_without_a_vehicle(clean, clean_check):
         assert "sign of the rudder" in one.in_order
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "correction"),
     [
@@ -88,6 +89,7 @@ def dive() -> Trial:
     return simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3, dt=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("factor", "names"), [(1.0, []), (-1.0, ["sign of w"])])
 def test_the_heave_of_a_pitching_turn_tells_its_sign(dive, factor, names):
     """Heave of 1 % of the speed: track and depth do not feel its sign, but the hull slides outwards.
@@ -103,6 +105,7 @@ def test_the_heave_of_a_pitching_turn_tells_its_sign(dive, factor, names):
 SIMULATOR_MISTAKES = {row.name: row.change for row in planted()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("simulator", "turned", "also", "instead"),
     [
@@ -125,6 +128,7 @@ def test_what_only_the_vehicle_tells_is_asked_of_the_simulator_too(dive, simulat
     assert check.insisted.findings[0].instead == ()
 
 
+@pytest.mark.thorough
 def test_what_kinematics_tells_is_not_asked_of_the_simulator(clean, model, monkeypatch):
     module = importlib.import_module("bayesid.diagnosis.input.simulator_instead")
     monkeypatch.setattr(module, "mended_simulators", lambda model: pytest.fail("asked"))
@@ -186,6 +190,7 @@ def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(
     assert [np.sign(one) for one in tried] == [1.0, 1.0, -1.0]
 
 
+@pytest.mark.thorough
 def test_the_mended_log_is_the_clean_one_and_states_the_noise_of_it(clean, model):
     logged = wrong(clean, Correction(scale={"u": 1 / 0.3048, "v": 1 / 0.3048}))
     logged = replace(logged, noise={**clean.noise, "u": NOISE["u"] / 0.3048, "v": NOISE["v"] / 0.3048})
@@ -195,6 +200,7 @@ def test_the_mended_log_is_the_clean_one_and_states_the_noise_of_it(clean, model
     assert now.noise["u"] == pytest.approx(NOISE["u"])
 
 
+@pytest.mark.thorough
 def test_diagnose_says_input_and_what_is_left_once_it_is_mended(wrong_side):
     found = wrong_side
     assert isinstance(found, InputResult)
@@ -277,12 +283,14 @@ def test_straight_and_steady_runs_alone_are_not_enough(model):
     assert "straight and steady" in not_enough(straight, model)[0]
 
 
+@pytest.mark.thorough
 def test_check_gives_one_sentence_per_mistake(clean):
     found = check(wrong(clean, Correction(exchange=(("x", "y"),))))
     assert len(found.sentences) == 1
     assert 'exchange = [["x", "y"]]' in found.sentences[0]
 
 
+@pytest.mark.thorough
 def test_a_remark_that_the_mend_accounts_for_is_not_repeated(clean):
     turned = wrong(clean, Correction(scale={"psi": -1.0}))
     assert any("turns against r" in text for text in check(turned).same)
@@ -308,6 +316,7 @@ def test_a_heading_with_the_wrong_sign_beside_a_track_is_told_alone(clean):
     assert not found.also and found.probability > 0.99
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("other", "also"), [("nps_auv2", True), ("delphin2", False)])
 def test_a_log_of_another_vehicle_is_told_and_its_own_is_not(clean, clean_check, other, also):
     """Nothing but that is told by the file of `delphin2`, which makes the revolutions look like another
@@ -318,6 +327,7 @@ def test_a_log_of_another_vehicle_is_told_and_its_own_is_not(clean, clean_check,
     assert clean_check.findings == ()
 
 
+@pytest.mark.thorough
 def test_what_kinematics_tells_of_the_log_of_another_vehicle_stays_told(clean):
     stranger = build_model(load_vehicle("delphin2"), 3)
     turned = check_trial(wrong(clean, Correction(scale={"psi": -1.0})), stranger)

@@ -98,6 +98,7 @@ def test_what_a_mistake_is_not_told_from_has_its_probability_beside_it():
     assert told.count("probability") == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sign, code", [(1, 0), (-1, 4)])
 def test_a_check_that_finds_a_mistake_ends_with_its_own_code(sign, code, tmp_path, capsys):
     line = "simulate remus100 zigzag:10/10 turn:12 --dt 0.5 --noise x=0.2 --noise y=0.2 --noise psi=0.005"

@@ -96,6 +96,7 @@ def test_the_digest_is_that_of_the_equations_not_of_the_order_they_are_written_i
     assert digest(rows=flipped) == digest()
 
 
+@pytest.mark.thorough
 def test_an_edited_printer_prints_anew_but_leaves_the_digest(tmp_path):
     """A comment more in the printer: another text may follow, the equations are the same."""
     shutil.copytree(HERE / "bayesid", tmp_path / "bayesid", ignore=shutil.ignore_patterns("__pycache__"))
@@ -140,6 +141,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "bayesid" / "kernels"
 
 
+@pytest.mark.thorough
 def test_processes_that_start_at_once_print_one_file_and_a_later_one_prints_none(tmp_path):
     both = [process(tmp_path), process(tmp_path)]
     answers = [told(run) for run in both]
@@ -300,6 +302,7 @@ def test_a_shared_folder_in_which_nobody_replaces_what_is_not_theirs_will_do(cac
     assert is_sound(stored("kernel", lambda: "ONE = 1\n"))
 
 
+@pytest.mark.thorough
 @POSIX
 def test_the_command_line_refuses_in_one_message(tmp_path):
     tmp_path.chmod(0o777)
@@ -329,6 +332,7 @@ main(["simulate", "remus100", "turn:10", "--out", sys.argv[1], "--quiet"])
 """
 
 
+@pytest.mark.thorough
 @POSIX
 def test_a_full_disk_for_kernels_is_told_with_its_file(tmp_path):
     environ = {**os.environ, "BAYESID_CACHE": str(tmp_path / "cache"), "TMPDIR": str(tmp_path)}

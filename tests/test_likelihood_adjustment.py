@@ -47,6 +47,7 @@ def adjusted(condition, names=SIX, settings=FIXED):
     return trial_density(problem, found.z, settings, {}, (posterior.mean, posterior.covariance)), posterior
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("condition", [MEMORY, SPREAD])
 @pytest.mark.parametrize("initial", ["marginal", "sampled", "fixed"])
 def test_the_adjusted_density_has_the_interval_of_the_fit(condition, initial):
@@ -56,6 +57,7 @@ def test_the_adjusted_density_has_the_interval_of_the_fit(condition, initial):
     assert sd == pytest.approx(posterior.sd, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_a_power_of_the_likelihood_alone_has_another_interval():
     _, _, problem, found, posterior = fitted(SPREAD)
     power = trial_density(weighed(problem, posterior.parts.share), found.z, FIXED, {})
@@ -99,6 +101,7 @@ def test_the_gradient_of_an_adjusted_density_is_its_difference_quotient(initial)
     assert slope * sd == pytest.approx(found, abs=1e-3 * np.abs(found).max())
 
 
+@pytest.mark.thorough
 def test_where_the_fit_is_less_sure_than_the_prior_the_prior_stands():
     density, posterior = adjusted(WIDE, None)
     assert (posterior.sd > 1.5 * posterior.prior_sd).any()
@@ -120,6 +123,7 @@ def test_where_the_fit_is_less_sure_than_the_prior_the_prior_stands():
     assert abs(bend) < 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("condition", [MEMORY, SPREAD, WIDE])
 def test_the_estimate_of_the_fit_is_the_mode_also_where_readings_know_nothing(condition):
     """Slope of the density along its axes, per sd; it was 0.27 where runs differ much."""
@@ -129,6 +133,7 @@ def test_the_estimate_of_the_fit_is_the_mode_also_where_readings_know_nothing(co
     assert np.abs((up - down) / 0.1).max() < 0.03
 
 
+@pytest.mark.thorough
 def test_white_noise_at_full_weight_needs_no_adjustment():
     _, _, problem, found, _ = fitted(MEMORY)
     white = coefficient_posterior(problem, found.z, NoiseParts())

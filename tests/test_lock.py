@@ -108,6 +108,7 @@ def test_a_process_may_hold_a_folder_twice_and_frees_it_once_done(tmp_path):
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["result"]
 
 
+@pytest.mark.thorough
 def test_of_many_that_begin_at_once_over_a_dead_lock_one_wins(tmp_path):
     (tmp_path / LOCK).write_text(
         json.dumps({"pid": 2**22 + 1, "host": "x", "command": "a", "since": "b", "born": "c"})

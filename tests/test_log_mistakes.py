@@ -51,11 +51,13 @@ def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
     return Run("weave", "", "identify", t, data, {"delta_r_cmd": rudder, "n_cmd": np.full(n, 1500.0)})
 
 
+@pytest.mark.thorough
 def test_a_right_log_has_no_mistake():
     for seed in range(5):
         assert check_input([weave(seed), weave(seed + 50)]).findings == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [7, 9])
 def test_a_heading_late_by_chance_alone_is_none(seed):
     # in a steady turn a delay changes only which noisy headings are compared: these were told as 10 s late
@@ -77,6 +79,7 @@ def spoilt(run: Run, rng: np.random.Generator) -> Run:
     return replace(run, data=data)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 5, 8, 9, 25])
 def test_outliers_in_coarse_positions_are_no_delay_and_no_jump(seed):
     # each was told of a delay of seconds, a wrong sign or a jump: by outliers at the ends of blocks of a
@@ -87,6 +90,7 @@ def test_outliers_in_coarse_positions_are_no_delay_and_no_jump(seed):
     assert check_input([spoilt(run, rng) for run in clean.runs], travel=0.674).findings == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "correction"),
     [
@@ -127,6 +131,7 @@ def dives():
     return simulate("remus100", *orders, dof=6, dt=0.2, noise=noise, seed=3).runs
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("a", "b"), EXCHANGED)
 def test_exchanged_columns_of_a_submerged_vehicle_are_named_and_not_as_something_else(dives, a, b):
     """Rates were told as a wrong unit, angles as earth-fixed velocities, each with .999."""
@@ -141,6 +146,7 @@ def test_exchanged_columns_of_a_submerged_vehicle_are_named_and_not_as_something
     assert not check_trial(Trial("dives", Path("."), "remus100", 6, tuple(dives)), model).findings
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "delay"), [("psi", 0.6), ("psi", -0.8), ("r", 0.6), ("r", -1.0)])
 def test_a_delay_of_heading_or_yaw_rate_is_told_to_a_reading(dives, name, delay):
     """A heading 0.6 s late was told as 0.8 s by the noise of which readings are compared."""
@@ -153,6 +159,7 @@ def test_a_delay_of_heading_or_yaw_rate_is_told_to_a_reading(dives, name, delay)
     assert abs(either[name] - delay) < 0.11
 
 
+@pytest.mark.thorough
 def test_a_weak_rudder_is_no_exchanged_one(dives):
     """What the rudder has lost in turns is not won by taking it for the planes, moved or at rest."""
     weak = load_vehicle("remus100")
@@ -186,6 +193,7 @@ def test_an_effect_of_the_catalogue_is_no_mistake(correction):
     assert check_input([apply(correction, weave(3)), apply(correction, weave(4))]).findings == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["psi", "r"])
 @pytest.mark.parametrize(("stride", "told"), [(1, False), (10, True)])
 def test_heading_or_yaw_rate_late_by_a_sample_is_told_where_that_is_a_time(name, stride, told):
@@ -323,6 +331,7 @@ def stuck(run: Run, name: str, first: int, count: int) -> Run:
     return replace(run, data={**run.data, name: values})
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["psi", "r", "x", "u"])
 def test_a_column_frozen_for_seconds_is_named_and_its_repeats_left_out(name):
     runs = [stuck(weave(1), name, 300, 60), replace(weave(2), name="whole")]
@@ -467,6 +476,7 @@ def steered(run: Run, rate: float | None) -> Run:
     return replace(run, commands=rest, measured_inputs={"delta_r": angle})
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("stride", "logged", "stated", "named"),
     [

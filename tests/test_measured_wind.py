@@ -91,6 +91,7 @@ def test_a_wind_that_is_no_cause_to_be_named_blows_all_the_same():
     assert heading[1] == pytest.approx(heading[0], abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_check_says_that_the_wind_acts():
     assert "acts on the vehicle, as measured" in check(windy(seed=1)).wind
     assert check(calm(windy(seed=1))).wind is None

@@ -36,6 +36,7 @@ def test_the_straight_run_is_that_of_the_independent_plant(ship):
     assert self_propulsion_speed(ship.vehicle, 60 * rps) == pytest.approx(1.179, rel=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("orders", ["turn:35,side=starboard", "turn:35,side=port", "zigzag:20/20"])
 def test_tracks_are_those_of_the_independent_plant(ship, orders):
     """Written apart from the table (test_other_equations_plants compares it with a third implementation);

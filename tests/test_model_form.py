@@ -105,6 +105,7 @@ def replicates(name, count, first=5000):
     return [r for r in found if not r["failed"]]
 
 
+@pytest.mark.thorough
 def test_rows_that_were_planted_are_asked_for_and_clean_runs_ask_for_none():
     (planted,) = replicates(PLANTED, 1)
     (clean,) = replicates(CLEAN, 1)

@@ -210,6 +210,7 @@ def test_a_vehicle_with_two_rudders_that_are_not_alike_is_not_said_to_have_none(
     assert abs(run.data["psi"][-1]) > 0.1
 
 
+@pytest.mark.thorough
 def test_a_manoeuvre_is_designed_for_two_alike_rudders_by_their_own_columns(tmp_path):
     file = tmp_path / "launch.toml"
     file.write_text(LAUNCH)

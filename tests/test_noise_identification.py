@@ -64,6 +64,7 @@ def found(across, depth):
     return identify_noise(MODEL, logs, coefficient_prior(MODEL), rounds=1).noise_model
 
 
+@pytest.mark.thorough
 def test_a_drift_of_the_position_is_measured_beside_a_depth_that_has_none():
     # two runs of eight correlation times, two channels: one standard deviation is 15 %
     noise_model = found(0.6, 0.0)
@@ -71,6 +72,7 @@ def test_a_drift_of_the_position_is_measured_beside_a_depth_that_has_none():
     assert noise_model.depth < 0.3 * NOISE["z"]
 
 
+@pytest.mark.thorough
 def test_a_drift_of_the_depth_is_measured_beside_a_position_that_has_none():
     noise_model = found(0.0, 0.6)
     assert 0.6 < noise_model.depth / 0.6 < 1.6

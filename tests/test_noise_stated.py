@@ -104,6 +104,7 @@ def told_too_little():
     return diagnose(remus(0.33), vehicle, next_manoeuvre=False, keep_model=False)
 
 
+@pytest.mark.thorough
 def test_a_clean_trial_has_no_gap_although_its_noise_is_stated_too_small(told_too_little):
     assert told_too_little.verdict == "none"
     assert any("[noise]" in text for text in told_too_little.record()["warnings"])

@@ -51,6 +51,7 @@ def spread(target, **options):
     return sample_nuts(target, start, NutsOptions(seed=1, **options), threads=1)
 
 
+@pytest.mark.thorough
 def test_standard_deviations_of_a_known_gaussian_are_met():
     # 4000 draws of about 5000 effective: 1 % each, so 5 % is five sigma and 1 % of the mean of ten is three
     target = Gaussian()
@@ -60,6 +61,7 @@ def test_standard_deviations_of_a_known_gaussian_are_met():
     assert np.mean(found.sd / target.sd) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_a_target_ten_percent_too_narrow_fails_the_same_test():
     # the control: the error of emcee's stock snooker move, which R-hat and effective size do not see
     target = Gaussian(power=1 / 0.9**2)
@@ -74,6 +76,7 @@ def test_the_same_seed_gives_the_same_chain():
     assert one.draws.tolist() == two.draws.tolist()
 
 
+@pytest.mark.thorough
 def test_a_lengthened_chain_keeps_its_draws_and_gets_the_spread_right():
     # far too wide a start: what 300 draws say of the shape has to serve the rest
     target = Gaussian()
@@ -101,6 +104,7 @@ def test_a_chain_of_another_density_is_not_lengthened():
         continue_nuts(target, start, found)
 
 
+@pytest.mark.thorough
 def test_a_wall_across_the_posterior_is_told_and_does_not_converge():
     # half the space is wall: a tenth of the usual draws meets it often enough
     found = spread(Gaussian(wall=True), tune=100, draws=100)

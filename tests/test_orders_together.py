@@ -113,6 +113,7 @@ def aft(ferry, *sides):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sides", [(1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 def test_two_rudders_turn_a_ship_as_the_one_that_has_the_force_of_both(ferry, central, sides):
     one = bayesid.simulate(central, *ORDERED).runs

@@ -36,6 +36,7 @@ def test_sixteen_campaigns_have_every_kind_and_no_listed_cause_comes_twice_befor
     assert make.plan(3, 16) == rows != make.plan(4, 16)
 
 
+@pytest.mark.thorough
 def test_a_size_is_aimed_at_the_effect_over_form_gap_that_was_drawn():
     row = {"seed": 11, "vehicle": "tanker_model", "causes": ["rudder_offset"], "suite": "full", "sea": "none",
            "aims": [10.0], "sizes": [1.0]}  # fmt: skip
@@ -48,6 +49,7 @@ def test_a_size_is_aimed_at_the_effect_over_form_gap_that_was_drawn():
     assert make.sizes(row | {"causes": ["gyro_scale"], "sizes": [1.3]}, text) == [1.3]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_nominal_simulator_is_tuned_misses_more_than_noise_and_less_than_its_start_values(name):
     campaign = draw_campaign(12, name)

@@ -127,6 +127,7 @@ def run_of(v, kind="zigzag", **more):
                    60 * v.LU - 60 * v.LU % v.dt, v.dt, 0.0, 0.4, (3.0, 5.0), **more)  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["zigzag", "turn", "spiral"])
 def test_mirrored_orders_give_the_mirrored_track_of_the_mirrored_ship(kind):
     v = other_vehicle("tanker_model")
@@ -187,6 +188,7 @@ def test_fins_lift_linearly_at_small_angles_and_less_beyond_stall():
     assert 0.3 < angles[int(np.argmax(lift))] < 0.5 and lift[-1] < 0.8 * max(lift)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", VEHICLES)
 def test_halving_the_step_changes_no_reading_by_a_tenth_of_the_noise(name):
     c = draw_campaign(5, name)
@@ -213,6 +215,7 @@ SENSORS = ("gyro_scale", "heading_bias", "heading_drift", "velocity_latency", "p
 FORCES = tuple(n for n in (*LISTED, *UNLISTED) if n not in SENSORS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", FORCES)
 def test_every_cause_of_the_motion_moves_the_track_and_a_fitted_start_takes_only_a_part_of_it(name):
     c = draw_campaign(3, "tanker_model", (name,), (1.0,))

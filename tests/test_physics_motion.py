@@ -196,6 +196,7 @@ def agrees_with_an_adaptive_integrator(name, dof):
     return np.abs((found - expected) / scale).max() < 1e-8
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_planar_runs_agree_with_an_adaptive_integrator(name):
     """Four hull lengths, DOP853 at 1e-12 on the equations written out by hand: 1e-8 of each state's range."""

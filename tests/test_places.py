@@ -28,6 +28,7 @@ def pond(tmp_path_factory):
     return bundle
 
 
+@pytest.mark.thorough
 def test_the_commands_a_fit_proposes_can_be_typed(pond, capsys):
     """A folder with a space in its name; the rudder of this vehicle goes to 13.6 degrees."""
     out = pond / "fit"
@@ -41,6 +42,7 @@ def test_the_commands_a_fit_proposes_can_be_typed(pond, capsys):
     assert not re.search("BUNDLE|THIS_FOLDER|MANOEUVRE", said)
 
 
+@pytest.mark.thorough
 def test_what_identify_proposes_names_the_trial(pond, capsys):
     assert run(["identify", str(pond), "--free", "N_r|r|,Y_v|v|,Y_v|r|,Y_r|r|"]) == 0
     out = capsys.readouterr().out
@@ -81,6 +83,7 @@ def test_a_folder_that_is_proposed_is_not_there_yet(tmp_path):
     assert places_of(tmp_path / "trial.toml", None).beside("gap") == str(tmp_path / "gap")
 
 
+@pytest.mark.thorough
 def test_a_vehicle_given_beside_the_trial_is_given_to_the_next_step_too(pond, capsys, tmp_path):
     own = tmp_path / "own ship.toml"
     own.write_text((BUILTIN_FOLDER / "remus100.toml").read_text("utf-8"), "utf-8")

@@ -205,6 +205,7 @@ def test_every_case_shows_at_its_reference_size_and_not_at_a_vanishing_one(case)
     assert difference(case, 1.0) > 1e-3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("effect", "before"), [("bent_fin", 0), ("drag_step", 0), ("hull_misalignment", 1)])
 def test_what_begins_on_the_way_leaves_the_approach_alone(effect, before):
     """A record begins in the state of the vehicle without it; a hull out of line all along drifts before."""

@@ -155,6 +155,7 @@ def share_inside(found, seeds, level=0.95):
     return sum(inside), len(inside)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("level, holds", [(0.95, 0.94), (0.5, 0.5)])
 def test_the_band_holds_the_truth_at_its_stated_rate(level, holds):
     # y and psi of 20 vehicles; those of one vehicle are no independent draws, so the 99 % limits of 20 draws
@@ -227,6 +228,7 @@ def test_approach_speed_balances_thrust_and_drag(name, share):
     assert found[0] == pytest.approx(self_propulsion_speed(model.vehicle, rpm), rel=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_diagnosed_model_comes_back_from_its_folder(tmp_path):
     d = diagnose(planted_trial(MODEL, other_vehicle(MODEL, 3), 3), MODEL, plan_next=False)
     found = diagnosed_model_of(d)
@@ -248,6 +250,7 @@ def test_a_diagnosed_model_comes_back_from_its_folder(tmp_path):
         read_diagnosed(tmp_path)
 
 
+@pytest.mark.thorough
 def test_what_no_hypothesis_explains_widens_the_band():
     # a moment the catalogue lacks; without it the same vehicle needs no disturbance beyond the stated one
     moment = 3e-4 * force_unit(MODEL)[2]
@@ -265,6 +268,7 @@ def test_what_no_hypothesis_explains_widens_the_band():
     assert all(0.2 * moment < h.noise_model.force[2] < 3 * moment for h in loud.hypotheses)
 
 
+@pytest.mark.thorough
 def test_measures_of_a_manoeuvre_come_with_bands():
     scale = Scale(S["L"], S["U"], MODEL.vehicle.rpm_ref, 0.23, 0.23, 3, TIME / 15)
     p = predict_manoeuvre(found_with(), "zigzag:10/10", parse("zigzag:10/10", scale), draws=20)
@@ -338,6 +342,7 @@ def test_the_table_of_a_prediction_reads_as_numbers(tmp_path):
     assert (noisy_high - noisy_low).mean() > (high - low).mean()
 
 
+@pytest.mark.thorough
 def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys):
     trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
     write_trial(trial, tmp_path / "pond")
@@ -368,6 +373,7 @@ def test_a_diagnosis_on_the_way_says_which_of_its_steps_it_is_at(monkeypatch):
     assert log.getvalue().splitlines()[-1].startswith("step 3 of 6: screen 36 effects")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("share", "narrow"), [(1.0, False), (0.01, True)])
 def test_bands_that_do_not_hold_the_readings_are_called_too_narrow(share, narrow, tmp_path):
     """Coefficients said to be known a hundred times better than they are, and as well as they are."""
@@ -391,6 +397,7 @@ def test_one_coefficient_moved_by_a_fit_is_not_called_as_given():
     assert stated_spread(replace(found, hypotheses=(*found.hypotheses, moved))) is None
 
 
+@pytest.mark.thorough
 def test_a_heading_left_open_takes_the_track_and_leaves_the_measures(tmp_path):
     """Coefficients known to 30 % of their size leave a turn open; known to 5 %, they do not."""
     for share, lost in ((6.0, True), (1.0, False)):
@@ -414,6 +421,7 @@ def test_a_heading_left_open_takes_the_track_and_leaves_the_measures(tmp_path):
         assert ("is not known" in headline(found.trial, found.predictions, unmeasured)) == lost
 
 
+@pytest.mark.thorough
 def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_path):
     """Known to 30 % of their size, the mean of their draws is another track; the band is theirs."""
     trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
@@ -451,6 +459,7 @@ def test_coefficients_that_were_fitted_predict_the_mean_of_their_draws(verdict, 
     assert not p.centres and np.array_equal(p.told, p.mean)
 
 
+@pytest.mark.thorough
 def test_beside_the_mean_of_a_fits_draws_stands_what_its_estimate_alone_predicts(tmp_path):
     """A fit that found the vehicle as it is, and hardly knows it: its estimate is the vehicle as given."""
     trial = planted_trial(MODEL)
@@ -589,6 +598,7 @@ def with_effect(sizes, share=1.0):
     return replace(found, verdict="effect", hypotheses=(planted, *rest))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("sizes", "share", "said"),
     [
@@ -671,6 +681,7 @@ def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_wh
         assert said in prediction.summary()
 
 
+@pytest.mark.thorough
 def test_a_share_of_the_band_is_told_from_chance_by_the_draws_of_the_model():
     """Errors of a run go together: a draw of the model itself is outside for most of a run now and then."""
     rng = np.random.default_rng(0)

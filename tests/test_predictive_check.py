@@ -61,6 +61,7 @@ def test_a_sum_of_squares_of_noise_with_memory_and_gaps_has_the_moments_of_many_
     assert variance > 5 * 2 * valid.sum()  # white noise would have this
 
 
+@pytest.mark.thorough
 def test_clean_campaigns_are_flagged_no_more_often_than_their_p_says():
     p = []
     for seed in range(20):
@@ -75,6 +76,7 @@ def test_clean_campaigns_are_flagged_no_more_often_than_their_p_says():
     assert np.median(p) < 0.8  # nor does it pass everything
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("memory", [0.0, 10.0])
 def test_a_kind_of_motion_whose_errors_are_larger_is_told_from_the_others(memory):
     s, trial = campaign_of(Condition(memory=memory), 3, louder=(2, 3))
@@ -86,6 +88,7 @@ def test_a_kind_of_motion_whose_errors_are_larger_is_told_from_the_others(memory
     assert "turn: r (p = " in said and said in FitResult(found)._doubts()
 
 
+@pytest.mark.thorough
 def test_runs_of_one_noise_are_not_told_apart_and_fit_json_and_report_have_the_numbers(tmp_path):
     s, trial = campaign_of(Condition(memory=10.0), 3)
     found = fit_trial(trial, s.model.vehicle, tmp_path, params=s.params, threads=1, options=STATED)

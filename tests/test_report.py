@@ -103,6 +103,7 @@ def test_drawings_are_embedded_as_svg_that_asks_for_nothing_and_never_changes(tm
     assert "data:image/svg+xml;base64," in html
 
 
+@pytest.mark.thorough
 def test_a_drawing_of_many_points_and_ready_bytes_stay_png(tmp_path):
     figure, axes = subplots()
     rng = np.random.default_rng(0)
@@ -174,6 +175,7 @@ def test_numbers_are_stored_even_if_a_figure_cannot_be_drawn(tmp_path):
     assert json.loads((tmp_path / "results.json").read_text())["seeds"] == [3]
 
 
+@pytest.mark.thorough
 def test_a_dense_figure_stays_below_200_kb(tmp_path):
     rng = np.random.default_rng(1)
 
@@ -218,6 +220,7 @@ def test_a_picture_that_a_palette_would_spoil_stays_as_it_is():
     assert len(reduced(large.getvalue())) < 200_000 < len(large.getvalue())
 
 
+@pytest.mark.thorough
 def test_an_unchanged_figure_gives_unchanged_bytes(tmp_path):
     drawn = []
     for folder in (tmp_path / "a", tmp_path / "b"):

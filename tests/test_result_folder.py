@@ -171,6 +171,7 @@ def test_diagnoses_of_one_bundle_and_of_several_do_not_mix(tmp_path, capsys):
         assert state(out)[1:] == before
 
 
+@pytest.mark.thorough
 def test_commands_refuse_and_change_nothing_and_their_own_folder_is_written_again(tmp_path, capsys):
     pond, fit = tmp_path / "pond", tmp_path / "fit"
     executed = [

@@ -291,6 +291,7 @@ def test_settings_that_exclude_each_other_are_refused(wrong):
         SamplingSettings(**wrong)
 
 
+@pytest.mark.thorough
 def test_the_sampled_posterior_of_a_nearly_linear_trial_is_its_closed_form(problem):
     """Fixed noise and tight priors leave a linear-Gaussian problem, solved by normal equations."""
     tight = problem.with_params(parameters(problem.model, sd=0.003))

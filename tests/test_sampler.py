@@ -30,6 +30,7 @@ MIXES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mix", MIXES)
 def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     density, laplace = correlated(6)
@@ -42,6 +43,7 @@ def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     assert np.all(np.abs(found.sd / truth - 1) < 4.5 / np.sqrt(ess))
 
 
+@pytest.mark.thorough
 def test_a_chain_that_cannot_pass_is_given_up_early_and_one_that_can_is_not():
     density, laplace = correlated(6)
     hopeless = SamplerOptions(first=60, max_steps=20_000, limits=ConvergenceLimits(n_tau=20_000.0))
@@ -53,6 +55,7 @@ def test_a_chain_that_cannot_pass_is_given_up_early_and_one_that_can_is_not():
     assert sample(density, laplace, SHORT).converged
 
 
+@pytest.mark.thorough
 def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
     # a fit weighs channels by stated noise; where the sampled noise is another, the posterior lies elsewhere
     density, laplace = correlated(9)
@@ -65,6 +68,7 @@ def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
     assert found[0].sd / np.sqrt(np.diag(density.covariance)) == pytest.approx(np.ones(9), abs=0.04)
 
 
+@pytest.mark.thorough
 def test_the_snooker_move_of_emcee_is_left_out_because_it_samples_a_narrower_gaussian():
     k, walkers = 20, 64
     rng = np.random.default_rng(0)

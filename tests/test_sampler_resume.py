@@ -52,6 +52,7 @@ def rounds(folder):
     return sorted(p.name for p in (folder / "chain").glob("round*.h5"))
 
 
+@pytest.mark.thorough
 def test_a_chain_killed_in_the_middle_and_resumed_is_the_unbroken_chain(tmp_path, unbroken):
     process = subprocess.Popen(command(tmp_path, 0.003))
     until = time.monotonic() + 60
@@ -95,6 +96,7 @@ def test_another_seed_gives_another_chain(unbroken):
     assert not np.array_equal(other.draws[:, 0], unbroken.draws[:, 0])
 
 
+@pytest.mark.thorough
 def test_a_full_disk_is_said_and_costs_nothing_that_was_written(tmp_path, unbroken):
     ended = subprocess.run(command(tmp_path, 0, 45_000), capture_output=True, text=True, timeout=120)
     assert ended.returncode == 2, ended.stderr

@@ -174,6 +174,7 @@ def test_files_of_the_package_name_the_schema_of_today(path):
     assert named == (trial_schema() if path.name == "trial.toml" else vehicle_schema())
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_commands_that_write_a_trial_or_a_vehicle_name_the_schema(tmp_path):
     pond, fit = tmp_path / "pond", tmp_path / "fit"

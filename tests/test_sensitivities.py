@@ -188,6 +188,7 @@ def test_every_planar_parameter_has_its_exact_derivative(name):
     assert misjudged(model, par, plan, x0, smooth_parameters(model)) == {}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "dof", "eta", "lengths"),
     [

@@ -257,6 +257,7 @@ def test_estimates_come_back_from_their_file(model, tmp_path):
             read_diagnosed(tmp_path)
 
 
+@pytest.mark.thorough
 def test_the_shared_set_is_a_vehicle_that_other_commands_take_as_prior(model, tmp_path, monkeypatch, capsys):
     """From a folder of bundles to a fit with the shared prior, the diagnoses themselves made up."""
     moved = np.array([0.05, -0.05, 0.1, 0.1])

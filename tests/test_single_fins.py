@@ -19,6 +19,8 @@ from bayesid.trials import Trial
 from bayesid.trials.correction import Correction, apply
 from tests.test_x_stern import AFT, CROSS, X, with_fins, without_fins
 
+pytestmark = pytest.mark.thorough
+
 ARM = 0.1  # m
 NOISE = {
     "x": 0.3, "y": 0.3, "z": 0.05, "phi": 0.005, "theta": 0.003, "psi": 0.005,

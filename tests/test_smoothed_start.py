@@ -56,6 +56,7 @@ def problem_of(model, trial, free=FREE):
     return trial_problem(model, trial, coefficient_set(model, names))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("dof", [3, 6])
 def test_it_lies_within_the_deviations_of_the_truth_where_the_given_coefficients_do_not(dof):
     model, trial, truth = trial_of(dof)
@@ -74,6 +75,7 @@ def test_it_lies_within_the_deviations_of_the_truth_where_the_given_coefficients
     np.testing.assert_array_equal(found.start, problem.start)
 
 
+@pytest.mark.thorough
 def test_in_six_degrees_of_freedom_the_search_begins_there_and_ends_lower(tmp_path):
     model, trial, _ = trial_of(6, factors=dict.fromkeys(("N_dr", "M_ds", "Y_v", "Z_w"), 0.5))
     problem = problem_of(model, trial)
@@ -143,6 +145,7 @@ def searches(monkeypatch, *ends):
     return asked
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("cost", "arrived", "second"),
     [(0.0, True, True), (0.3, True, True), (5.0, True, False), (-5.0, False, True), (0.3, False, False)],

@@ -58,6 +58,7 @@ def test_a_speed_along_the_track_is_told_with_the_line_that_mends_it(arm):
     assert found.probability > 0.95
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "given",
     [

@@ -160,6 +160,7 @@ def test_stamps_in_order_and_rows_left_out_are_no_jitter(tmp_path, change):
     ]
 
 
+@pytest.mark.thorough
 def test_rounded_stamps_are_spread_by_the_map_and_by_the_bundle(tmp_path):
     """Rounded down to seconds at 10 Hz: spread they are the true ones to a millisecond; read as they stand
     nine of ten readings would be lost."""

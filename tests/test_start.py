@@ -108,6 +108,7 @@ def test_of_two_vehicle_files_it_asks_for_one_and_what_a_fit_wrote_is_none(dive,
     assert look_into(dive).vehicles == (dive / "boat.toml",)
 
 
+@pytest.mark.thorough
 def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, capsys, diagnosed):
     assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"]) == 0
     out = dive / "bayesid"
@@ -126,6 +127,7 @@ def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, caps
     assert "trial import" not in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_it_says_before_it_begins_what_is_read_how_long_it_takes_and_what_it_is_judged_by(
     dive, capsys, diagnosed
 ):
@@ -180,6 +182,7 @@ def test_a_data_sheet_beside_the_logs_becomes_the_vehicle(dive, diagnosed):
     assert load_trial(dive / "bayesid").vehicle_ref == str(dive / "bayesid" / "vehicle.toml")
 
 
+@pytest.mark.thorough
 def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys, diagnosed, monkeypatch):
     truth = motion(np.random.default_rng(4), dt=0.4)
     folder = tmp_path / "pond"
@@ -217,6 +220,7 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     assert diagnosed
 
 
+@pytest.mark.thorough
 def test_what_the_check_has_said_of_the_log_is_not_said_by_the_import_too(dive, capsys, diagnosed):
     order = ["start", str(dive), "--vehicle", "remus100", "--yes"]
     log = dive / "log.csv"
@@ -239,6 +243,7 @@ def test_what_the_check_has_said_of_the_log_is_not_said_by_the_import_too(dive, 
     assert first in said and "Next: " in said
 
 
+@pytest.mark.thorough
 def test_a_damaged_vehicle_file_and_unused_columns_are_told(dive, capsys, diagnosed):
     (dive / "vehicle.toml").write_text("[vehicle]\nname = \n")
     assert bayesid(["start", str(dive), "--yes"]) == 3
@@ -249,6 +254,7 @@ def test_a_damaged_vehicle_file_and_unused_columns_are_told(dive, capsys, diagno
     assert "not used: 'Battery (V)'" in granted
 
 
+@pytest.mark.thorough
 def test_the_steps_can_be_run_again(dive, diagnosed):
     (dive / "sheet.toml").write_text("length = 1.6\ndiameter = 0.19\nmass = 35\nspeed = 1.5\nrpm = 900\n")
     assert bayesid(["start", str(dive), "--yes"]) == 0
@@ -259,6 +265,7 @@ def test_the_steps_can_be_run_again(dive, diagnosed):
     assert again.returncode == 0, again.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["trial.toml", "steps.sh"])
 @pytest.mark.parametrize("content", [b"vehicle = [", b"\xff\xfe\x00\x81"])
 def test_a_damaged_file_of_its_own_is_one_sentence(dive, capsys, diagnosed, name, content):

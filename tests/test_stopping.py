@@ -154,6 +154,7 @@ def test_a_stop_that_a_library_drops_altogether_is_still_a_stop(number, rest):
     assert (child.returncode, err) == (128 + number, SENTENCE)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
 @pytest.mark.parametrize("full", ["stdout", "stderr"])
 def test_a_terminal_log_on_a_full_disk_is_named_or_costs_no_exit_code(full):
@@ -186,6 +187,7 @@ def test_a_library_that_writes_to_a_full_disk_is_told_with_its_file(tmp_path):
     assert (child.returncode, err) == (2, told)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])
 @SIGNALS
 def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_worker(number, wait, tmp_path):
@@ -197,6 +199,7 @@ def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_wor
     assert (child.returncode, err) == (128 + number, SENTENCE)
 
 
+@pytest.mark.thorough
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = tmp_path / "pool.py"
     script.write_text(POOL)

@@ -67,6 +67,7 @@ def test_process_noise_alone_has_nothing_set_apart():
     assert np.all(level < 2.5 * QUIET) and np.all(level > QUIET / 4)
 
 
+@pytest.mark.thorough
 def test_a_periodic_force_is_found_with_its_period_and_is_not_process_noise():
     environment, apart = measured("beat")
     assert apart.frequencies == pytest.approx((BEAT,), rel=0.02)
@@ -75,6 +76,7 @@ def test_a_periodic_force_is_found_with_its_period_and_is_not_process_noise():
     assert environment.noise_model.force[1] < 3.0 * QUIET * force_unit(MODEL)[1]
 
 
+@pytest.mark.thorough
 def test_a_drag_that_steps_up_for_good_is_not_process_noise():
     environment, apart = measured("step")
     assert apart.lasting or "X" in apart.repeated

@@ -47,6 +47,7 @@ def located(runs):
     return L / U, locate(problem, none.points, problem.coefficients)
 
 
+@pytest.mark.thorough
 def test_a_moment_in_one_run_is_dated_and_one_in_every_run_is_not():
     time, one = located(("turn",))
     found = one.stretch

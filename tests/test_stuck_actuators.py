@@ -306,6 +306,7 @@ def test_held_for_another_length_or_elsewhere_is_not_the_same():
         assert not _same((other,), (one,), MODEL)
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_tells_where_a_rudder_stuck_and_names_no_effect():
     trial = trial_of(STUCK)
     found = diagnose(trial, MODEL, plan_next=False)
@@ -320,6 +321,7 @@ def test_a_diagnosis_tells_where_a_rudder_stuck_and_names_no_effect():
     assert "as if the rudder stuck at" in answer(found.result).headline
 
 
+@pytest.mark.thorough
 def test_a_rudder_off_its_order_is_not_told_as_one_that_sticks():
     planted = other_vehicle(MODEL, 5) | {"rudder_offset.offset": 0.03}
     found = diagnose(planted_trial(MODEL, planted, 5, samples=160), MODEL, plan_next=False)

@@ -33,6 +33,7 @@ def model():
     return build_model(load_vehicle(BOAT))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("planted", [{}, {"gain": (0.85, 1.0)}, {"current": (0.2, -0.1)}, {"lag": 0.8}])
 def test_the_boat_moves_as_the_plant_does(model, planted):
     t = np.arange(0.0, 60.0, 0.5)
@@ -52,6 +53,7 @@ def test_the_boat_moves_as_the_plant_does(model, planted):
         assert np.abs(bare - states).max() > 0.1
 
 
+@pytest.mark.thorough
 def test_a_weak_port_thruster_is_found_from_the_log():
     # in pieces: over whole runs the heading is radians off at the start, and the search ends elsewhere
     found = fit_in_pieces(
@@ -65,6 +67,7 @@ def test_a_weak_port_thruster_is_found_from_the_log():
     assert (held.rms_fitted / held.sigma).max() < 2.0 < (held.rms_nominal / held.sigma).max()
 
 
+@pytest.mark.thorough
 def test_a_sound_boat_has_no_weak_thruster():
     found = fit_trial(
         boat_trial(2), free=("N_r0", "X_u|u|"), effects=("thruster_port_gain",), parts=NoiseParts()
@@ -97,6 +100,7 @@ def test_mistakes_in_actuators_are_told_at_once(tmp_path):
         assert part in str(error.value)
 
 
+@pytest.mark.thorough
 def test_a_bundle_of_thruster_logs_is_read_and_inputs_that_do_not_move_are_told(tmp_path):
     trial = boat_trial(3)
     again = load_trial(write_trial(trial, tmp_path / "bundle"))

@@ -339,6 +339,7 @@ def _error(trial, truth):
     return worst
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seeds", [range(14), pytest.param(range(14, 60), marks=pytest.mark.slow)])
 def test_logs_of_random_shape_are_read_rightly_or_asked_about_and_never_wrongly(tmp_path, seeds):
     """A log that holds what its axes, units and clocks are must need no map in four of
@@ -646,6 +647,7 @@ def test_a_staircase_of_orders_is_a_spiral_and_a_stop_is_rest():
 # --- the command
 
 
+@pytest.mark.thorough
 def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
     truth = motion(np.random.default_rng(9))
     columns = {
@@ -762,6 +764,7 @@ def test_a_speed_over_ground_that_nothing_is_made_of_is_said(tmp_path, capsys):
         assert ("speed_over_ground ('SOG [m/s]') is not used" in capsys.readouterr().out) is bool(more)
 
 
+@pytest.mark.thorough
 def test_a_proposed_map_says_that_the_position_tells_what_a_speed_over_ground_would(tmp_path, capsys):
     truth = motion(np.random.default_rng(7))
     columns = {

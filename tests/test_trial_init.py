@@ -88,6 +88,7 @@ def test_tables_read_in_place_are_what_an_import_makes_of_them(tmp_path):
     np.testing.assert_allclose(here.runs[0].data["v"], truth["v"][600:1400], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_mistake_of_the_log_is_mended_before_anything_is_diagnosed(tmp_path, capsys):
     """The lines that the import prints, written into trial.toml, leave a log without the mistake."""
     folder, bundle = tables(tmp_path / "dive", mirrored), tmp_path / "bundle"

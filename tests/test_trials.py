@@ -659,6 +659,7 @@ def _fuzz():
 FUZZ = _fuzz()
 
 
+@pytest.mark.thorough
 @settings(max_examples=250, deadline=None)
 @given(st.integers(0, len(FUZZ.SEEDS) - 1), st.randoms(use_true_random=False))
 def test_damaged_files_give_a_result_or_one_clear_error(seed, rng):

@@ -59,6 +59,7 @@ def test_turning_circle(name):
         assert value / L == pytest.approx(turn[key], rel=TRANSIENT, abs=way), key
 
 
+@pytest.mark.thorough
 @EVERY
 @pytest.mark.parametrize("angle", [10, 20])
 def test_zigzag(name, angle):

@@ -243,6 +243,7 @@ def toml(data):
     return "\n".join(lines)
 
 
+@pytest.mark.thorough
 @settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data(), name=st.sampled_from(sorted(TEXT)))
 def test_a_mutated_file_gives_a_vehicle_or_a_vehicle_error(tmp_path_factory, data, name):

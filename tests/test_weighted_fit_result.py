@@ -50,6 +50,7 @@ def unstopped():
     return weighted_fit(problem(), STATED)[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("at", [0, 1])
 def test_a_fit_stopped_before_its_weights_are_final_leaves_no_result(tmp_path, monkeypatch, at):
     plain = weighted_fit(problem(), STATED, tmp_path, parts=NoiseParts())[1]
@@ -74,6 +75,7 @@ def test_a_fit_stopped_before_its_weights_are_final_leaves_no_result(tmp_path, m
     assert np.array_equal(found.z, unstopped().z)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("how", ["raises", "does not converge", "diverges"])
 def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
     real = module._without_form

@@ -112,6 +112,7 @@ def test_no_wind_no_question():
     assert not check_wind(trial, model_of(trial)).asked
 
 
+@pytest.mark.thorough
 def test_a_wind_that_is_read_rightly_is_in_order():
     for seed in range(3):
         trial = circles(seed)
@@ -122,6 +123,7 @@ def test_a_wind_that_is_read_rightly_is_in_order():
 TURNED = ("wind_from: where it blows to", "wind_from: from the bow", "apparent wind", "wind_from: from east")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TURNED)
 def test_a_direction_read_wrongly_is_told_by_the_motion(name):
     trial = misread(circles(1), name)
@@ -132,6 +134,7 @@ def test_a_direction_read_wrongly_is_told_by_the_motion(name):
     assert finding.correction is not None
 
 
+@pytest.mark.thorough
 def test_a_speed_in_another_unit_is_left_to_the_anemometer_or_the_unit():
     trial = misread(circles(2), "wind_speed: knots read as m/s")
     found = check_wind(trial, model_of(trial))
@@ -139,6 +142,7 @@ def test_a_speed_in_another_unit_is_left_to_the_anemometer_or_the_unit():
     assert said is not None and "knots" in said
 
 
+@pytest.mark.thorough
 def test_of_a_calm_that_is_measured_no_direction_is_in_order():
     """Every reading of no wind is the same: the motion says nothing of its direction."""
     still = [replace(r, exogenous={**r.exogenous, "wind_speed": 0.0 * r.t}) for r in circles(1).runs]
@@ -147,12 +151,14 @@ def test_of_a_calm_that_is_measured_no_direction_is_in_order():
     assert found.asked and not found.in_order and found.finding is None and found.remark is None
 
 
+@pytest.mark.thorough
 def test_an_anemometer_that_stands_high_is_no_mistake():
     trial = circles(3, gain=0.8)
     found = check_wind(trial, model_of(trial))
     assert found.finding is None and found.remark is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [3, 5, 6])
 def test_a_reading_that_cannot_be_tested_is_not_ruled_out(seed):
     """Of heading and yaw rate alone an apparent wind cannot be made a true one: what stands in for it is not
@@ -172,6 +178,7 @@ def test_a_reading_that_cannot_be_tested_is_not_ruled_out(seed):
     assert any("needs the track, or u and v" in text for text in of_right.unseen)
 
 
+@pytest.mark.thorough
 def test_runs_that_contradict_one_another_are_told_and_nothing_is_mended():
     right, wrong = circles(1), misread(circles(1), "wind_from: where it blows to")
     mixed = replace(right, runs=(right.runs[0], wrong.runs[1]))
@@ -181,6 +188,7 @@ def test_runs_that_contradict_one_another_are_told_and_nothing_is_mended():
     assert found.remark is not None and found.remark.index(second) < found.remark.index(f"{first} worse")
 
 
+@pytest.mark.thorough
 def test_runs_that_contradict_along_one_path_alone_do_not_keep_a_mistake_from_being_named():
     """Of the heading alone one of two runs, both read wrongly, speaks against it along the header's path."""
     wrong = misread(circles(1), "wind_from: where it blows to")
@@ -190,6 +198,7 @@ def test_runs_that_contradict_along_one_path_alone_do_not_keep_a_mistake_from_be
     assert "wind_from: where it blows to" in (found.finding.name, *found.finding.also)
 
 
+@pytest.mark.thorough
 def test_a_fit_that_fails_in_asking_whether_runs_agree_ends_the_check_alone(monkeypatch):
     def fails(*_):
         raise ModelError("the vehicle diverges")
@@ -200,6 +209,7 @@ def test_a_fit_that_fails_in_asking_whether_runs_agree_ends_the_check_alone(monk
     assert found.asked and found.finding is None and not found.in_order
 
 
+@pytest.mark.thorough
 def test_a_held_out_run_that_lacks_the_heading_does_not_keep_a_mistake_from_being_told():
     wrong = misread(circles(1), "wind_from: from the bow")
     run = wrong.runs[0]
@@ -224,6 +234,7 @@ def test_the_air_past_the_vehicle_is_had_of_the_track_where_no_drift_is_logged()
     assert true_wind("apparent", t, {**read, "u": ahead})[0] == pytest.approx(4.0 * abs(np.sin(drift)))
 
 
+@pytest.mark.thorough
 def test_of_many_readings_of_a_track_its_velocity_is_had_of_their_means():
     t = np.linspace(0.0, 1200.0, 24_001)
     rng = np.random.default_rng(2)

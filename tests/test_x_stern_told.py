@@ -80,6 +80,7 @@ def test_a_vertical_zigzag_is_one_of_the_stern_planes(trial):
     )
 
 
+@pytest.mark.thorough
 def test_a_check_of_a_bundle_prints_whose_angle_it_is(tmp_path, capsys):
     assert run_command(["simulate", "lauv", "turn:15,duration=40", "--out", str(tmp_path / "one")]) == 0
     capsys.readouterr()
