@@ -152,6 +152,30 @@ def test_gap_at_ninety_degrees_is_reported_not_bridged():
     assert m.tactical_diameter == pytest.approx(400, abs=0.01)
 
 
+@pytest.mark.parametrize(("apart", "error"), [(22.0, 0.001), (40.0, 0.01), (60.0, None)])
+def test_a_circle_with_few_fixes_is_measured_between_them_and_not_with_fewer_than_eight(apart, error):
+    run = circle()
+    every = round(apart * DEG * 40 / float(np.diff(run["t"]).mean()))  # 40 s a radian
+    for name in ("x", "y"):
+        run[name] = np.where(np.arange(run["t"].size) % every == 3, run[name], np.nan)
+    m = turning_circle(**run)
+    if error is None:
+        assert math.isnan(m.advance) and "no position there" in m.reasons["advance"]
+    else:
+        assert m.tactical_diameter == pytest.approx(400, abs=400 * error)
+        assert (m.advance, m.transfer) == (
+            pytest.approx(200, abs=200 * error),
+            pytest.approx(200, abs=200 * error),
+        )
+
+
+def test_a_gap_of_the_fixes_at_ninety_degrees_is_not_bridged():
+    run = circle()
+    run["x"] = np.where(np.abs(run["t"] - (40 + math.pi / 2 * 40)) < 12, np.nan, run["x"])  # 34 degrees
+    m = turning_circle(**run)
+    assert math.isnan(m.advance) and "gap" in m.reasons["advance"]
+
+
 def test_run_without_a_rudder_order_is_a_result_full_of_reasons():
     run = circle()
     run["rudder"] = np.zeros_like(run["t"])

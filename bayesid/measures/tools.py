@@ -130,6 +130,19 @@ def value(c: Series, at: float, window: float, scale: float) -> float:
     return float(np.interp(at, c.t, c.y))
 
 
+def between(c: Series, at: float, longest: float) -> float:
+    """Value at a time [s] of a channel read seldom but evenly: of the cubic through two before it and two
+    after. NaN where these are farther apart than `longest` [s] or than its readings usually are.
+    """
+    k = int(np.searchsorted(c.t, at))
+    if not 2 <= k <= c.t.size - 2:
+        return math.nan
+    near = slice(k - 2, k + 2)
+    if np.diff(c.t[near]).max() > min(longest, 1.5 * float(np.median(np.diff(c.t)))):
+        return math.nan
+    return float(np.polyval(np.polyfit(c.t[near] - at, c.y[near], 3), 0.0))
+
+
 def peak(c: Series, window: float, scale: float) -> tuple[float, float]:
     """Time [s] and height of the maximum: a parabola through three samples, with noise over +-window.
 

@@ -17,10 +17,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Order, Series, channel, checked, crossing, orders, slope, value
+from bayesid.measures.tools import Order, Series, between, channel, checked, crossing, orders, slope, value
 
 STEADY_TOLERANCE = 0.05  # relative change of the yaw rate from one circle to the next, or over a quarter turn
 HALVES_TOLERANCE = 0.10  # the same between the halves of the only circle, which wind and waves make uneven
+# Between fixes up to 45 degrees of turn apart, in windows of eight: a cubic then errs by 1 % of the radius.
+SELDOM = 45.0 / 8.0
 DEG = math.pi / 180
 
 
@@ -184,15 +186,20 @@ def _position(px: Series, py: Series, at: float, window: float) -> tuple[float, 
     if math.isnan(at):
         return math.nan, math.nan
     span = float(np.ptp(px.y) + np.ptp(py.y)) if px.t.size and py.t.size else 0.0
-    return value(px, at, window, 0.01 * span), value(py, at, window, 0.01 * span)
+    read = value(px, at, window, 0.01 * span), value(py, at, window, 0.01 * span)
+    if not any(map(math.isnan, read)):
+        return read
+    return between(px, at, SELDOM * window), between(py, at, SELDOM * window)
 
 
 def _start(c: Series, at: float) -> float:
-    """Coordinate at the order; with noise, of the straight line through the second half of the approach."""
+    """Coordinate at the order: of the straight line through the last two readings before it, with noise
+    through the second half of the approach. What comes after the order is in the turn already."""
     early = c.between(-math.inf, at)
-    if early.t.size < 5 or c.sigma < 1e-4 * float(np.ptp(c.y)):
+    if early.t.size < 2:
         return value(c, at, math.inf, math.inf)
-    late = slice(-max(5, early.t.size // 2), None)
+    exact = c.sigma < 1e-4 * float(np.ptp(c.y))
+    late = slice(-2 if exact else -max(5, early.t.size // 2), None)
     return float(np.polyval(np.polyfit(early.t[late] - at, early.y[late], 1), 0.0))
 
 
