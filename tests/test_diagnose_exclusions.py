@@ -202,3 +202,40 @@ def test_outliers_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeyp
 def test_a_trial_with_nothing_to_identify_from_is_an_error(monkeypatch):
     with pytest.raises(TrialError, match="nothing"):
         passes(monkeypatch, fails=lambda events, readings: TrialError("nothing"))
+
+
+class Follows:
+    """A problem whose nominal path, readings' path or neither can be gone on from."""
+
+    def __init__(self, path, *followed):
+        self.path, self.followed, self.model, self.coefficients = path, followed, None, None
+        self.logs, self.environment = (Plain(name="a"), Plain(name="b")), Plain(noise_model=None)
+
+    def along_readings(self):
+        return Follows(["at a", "at b"], *self.followed)
+
+    def fit(self, problem, effects):
+        if ("read" if problem.path[0] == "at a" else "nominal") not in self.followed:
+            raise ModelError("it diverges")
+        return Plain(released=lambda: "base")
+
+
+@pytest.mark.parametrize("followed", ["nominal", "read"])
+def test_a_fit_begins_along_the_readings_where_the_nominal_path_cannot_be_simulated(monkeypatch, followed):
+    problem = Follows(["path", "path"], followed)
+    monkeypatch.setattr(exclusions, "fit_with", problem.fit)
+    used, base = exclusions._begun(problem)
+    assert base == "base" and (used is problem) is (followed == "nominal")
+
+
+def test_runs_that_cannot_be_followed_at_all_are_named_with_the_next_move(monkeypatch):
+    problem = Follows(["path", "path"])
+    monkeypatch.setattr(exclusions, "fit_with", problem.fit)
+
+    def fit(model, logs, free, noise_model, start, iterations):
+        if start == ["at b"]:
+            raise ModelError("it diverges")
+
+    monkeypatch.setattr(exclusions, "fit", fit)
+    with pytest.raises(ModelError, match=r"along the readings of b \(it diverges\).*trial check.*--resample"):
+        exclusions._begun(problem)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace as Plain
 
 import numpy as np
 import pytest
@@ -457,3 +458,33 @@ def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readin
     wide = [refit_wide(problem, "N_v", lambda text: None, *of)[0] for of in ((), (none, -10.0))]
     assert wide[1].fit.log_evidence == pytest.approx(wide[0].fit.log_evidence, abs=0.3)
     assert wide[1].fit.iterations < wide[0].fit.iterations
+
+
+@pytest.mark.parametrize(
+    ("depths", "asked"),
+    [((5.0, 4.0), False), ((5.0, 0.2), True), ((0.0, 0.0), True), ((5.0, None), True), ((None, None), True)],
+)
+def test_wind_is_not_asked_of_a_vehicle_far_below_the_surface(depths, asked):
+    """Half the length of the vehicle is 0.8 m; a run without depths may be at the surface."""
+    model = model_of("remus100")
+    logs = [
+        Plain(
+            channels=("x", "z"),
+            readings=np.array([[0.0, np.nan if z is None else z + d] for d in (0.0, 1.0, 2.0)]),
+        )
+        for z in depths
+    ]
+    for log in logs:
+        log.plan = Plain(measured=())
+    problem = Plain(
+        model=model,
+        logs=logs,
+        channels=("x", "z"),
+        coefficients=Plain(names=()),
+        form=None,
+        velocity_from_track=False,
+    )
+    assert banks.testable(problem, model.effects["wind"]) is asked
+    assert banks.testable(problem, model.effects["ocean_current"])
+    said = " ".join(banks.not_asked(problem))
+    assert ("wind is not asked" in said) is not asked

@@ -34,8 +34,9 @@ from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.stuck_stage import held_where_stuck
 from bayesid.equations.model import Model
-from bayesid.errors import BayesidError
-from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.errors import BayesidError, ModelError
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
+from bayesid.estimation.run_data import RunData
 from bayesid.trials import Trial
 from bayesid.words import counted
 
@@ -88,7 +89,7 @@ def compare_without(
         try:
             problem = build_problem(model, trial, notify, as_built, excluded.events, excluded.readings)
             notify("fit without any effect")
-            base = fit_with(problem, ()).released()
+            problem, base = _begun(problem)
             outliers = () if excluded.readings or kept else innovation_outliers(problem, base)
             if outliers:
                 notify(f"once more without {counted(len(outliers), 'reading')} that all others contradict")
@@ -130,6 +131,39 @@ def compare_without(
         uncut = found.problem if any(e.brief for e in left.events) else None
         notify(f"the same without {_named(left.events)}")
         excluded = Excluded((*excluded.events, *left.events))
+
+
+def _begun(problem: DiagnosisProblem) -> tuple[DiagnosisProblem, FilterErrorFit]:
+    """The fit without any effect, along the readings where the path of the nominal model cannot be gone on
+    from, and the problem along the path that could.
+
+    Raises
+    ------
+    ModelError
+        if neither can; names the runs
+    """
+    try:
+        return problem, fit_with(problem, ()).released()
+    except ModelError:
+        read = problem.along_readings()
+    try:
+        return read, fit_with(read, ()).released()
+    except ModelError as error:
+        runs = [log.name for log in read.logs if not _can_follow(read.model, log, read)] or ["these runs"]
+        raise ModelError(
+            f"the vehicle as given cannot be simulated along the readings of {', '.join(runs)} "
+            f"({error}); `bayesid trial check` says what they contradict, and a shorter --resample (or none) "
+            "helps where they are too far apart for its fastest motion"
+        ) from None
+
+
+def _can_follow(model: Model, log: RunData, problem: DiagnosisProblem) -> bool:
+    start = [point for point, other in zip(problem.path, problem.logs, strict=True) if other is log]
+    try:
+        fit(model, [log], problem.coefficients, problem.environment.noise_model, start=start, iterations=4)
+    except ModelError:
+        return False
+    return True
 
 
 def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Found:

@@ -36,6 +36,7 @@ _NOT_EQUATIONS = frozenset(
         "low",
         "high",
         "as_form",
+        "at_surface",
         "planar",
         "roll_from",
         "leeway",

@@ -163,7 +163,9 @@ def _kind_of(effects: Sequence[str] | None, variant: str | None) -> str | None:
 
 def _choose(rng, kind, effects, variant, dof, logged) -> list[PlantedCause | None]:
     """Cases to plant; None stands for an error of one coefficient."""
-    fits = [c for c in CASES if c.dof <= dof and (not c.needs or c.needs in logged)]
+    fits = [
+        c for c in CASES if c.dof <= dof and (dof < 6 or not c.surface) and (not c.needs or c.needs in logged)
+    ]
     wanted = {"none": (), "effect": ("effect",), "two": ("effect",)}.get(kind, (kind,))
     if effects:
         form = "variant" if variant else ("effect", "outside")

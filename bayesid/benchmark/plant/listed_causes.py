@@ -47,6 +47,7 @@ class PlantedCause:
 
     kind : "effect" (as the catalogue words it), "variant" (same cause, other form) or "outside"
     needs : "" or a channel that has to be logged for it to show at all
+    surface : acts on a vehicle at the surface only, as those in six degrees of freedom are not
     """
 
     name: str
@@ -55,6 +56,7 @@ class PlantedCause:
     kind: str = "effect"
     variant: str = ""
     needs: str = ""
+    surface: bool = False
 
 
 def sign(rng: np.random.Generator) -> float:
@@ -212,7 +214,7 @@ CATALOGUE = (
     E("hull_misalignment", _twist),
     E("drag_step", _step),
     E("steady_force", lambda r, z, s: _pair(("F_north", "F_east"), ("fn", "fe"), 3e-4 * s.force)(r, z, s)),
-    E("wind", _wind),
+    E("wind", _wind, surface=True),
     E("tether_drag", simple("k", "tether", 2.5e-4, "line", True)),
     E("heading_bias", simple("bias", "psi_bias", 2.0 * DEG)),
     E("heading_drift", _drift),

@@ -19,7 +19,7 @@ from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError, TrialError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
-from bayesid.estimation.filter_error.linearise import Trajectory
+from bayesid.estimation.filter_error.linearise import Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_identification import (
     NoiseIdentification,
     identify_noise,
@@ -47,6 +47,8 @@ PATH_ITERATIONS = 16
 SETTLING_ITERATIONS = 3
 # Latent force of the first pass where the start already follows the data.
 FOLLOWING_FORCE_LEVEL = 1e-5
+# Of the first pass along the readings' own path, which no equation has made smooth.
+READINGS_FORCE_LEVEL = 0.03
 # Where an effect without a slope when off begins, in prior standard deviations.
 USUAL_START = 0.5
 # Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
@@ -112,6 +114,14 @@ class DiagnosisProblem:
         """Points at which a fit of the same effects ended in another environment; None where none did."""
         names = {e.key(p.name) for e in effects for p in e.parameters}
         return self.ended.get(frozenset(names | set(self.coefficients.names)))
+
+    def along_readings(self) -> DiagnosisProblem:
+        """The problem along the readings' own path: that of the nominal model may leave what can be simulated
+        where the readings are too far apart for its fastest motion."""
+        base = self.model.nominal.copy()
+        base[self.coefficients.where] = self.coefficients.mean
+        path = tuple(first_trajectory(self.model, log, base) for log in self.logs)
+        return replace(self, path=path, path_level=READINGS_FORCE_LEVEL)
 
     def with_environment(
         self, noise_model: NoiseModel, fits: Sequence[FilterErrorFit] = ()
@@ -342,7 +352,7 @@ def fit_with(
     effects: tuple[Effect, ...],
     start: Sequence[Trajectory] | None = None,
     iterations: int = 25,
-    initial_noise_scale: float = 0.03,
+    initial_noise_scale: float = READINGS_FORCE_LEVEL,
     sizes: Starts = MappingProxyType({}),
     worth: float = -np.inf,
 ) -> FilterErrorFit:

@@ -87,6 +87,8 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
         return False  # part of the model form, which every hypothesis has
     if problem.form is not None and effect.as_form == "alone":
         return False  # equations that lack a force do not tell it from a single screw
+    if effect.at_surface and _submerged(problem):
+        return False
     if effect.name == "position_lever_arm" and problem.velocity_from_track:
         return False
     slowed = _slowed(problem.model, effect)
@@ -97,15 +99,27 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
 
 
 def not_asked(problem: DiagnosisProblem) -> tuple[str, ...]:
-    """A sentence where effects cannot show because a position is measured, for a reader."""
+    """Sentences where effects cannot show because a position is measured, or far below the surface."""
     slow = {name for effect in problem.model.effects.values() for name in _slowed(problem.model, effect)}
     names = sorted(slow & _measured(problem))
-    if not names:
-        return ()
-    many = len(names) > 1
-    late = "they lag behind their" if many else "it lags behind its"
-    told = f"{and_list(names)} {'are' if many else 'is'} measured in every run"
-    return (f"{told}: whether {late} orders is not asked",)
+    out = []
+    if names:
+        many = len(names) > 1
+        late = "they lag behind their" if many else "it lags behind its"
+        told = f"{and_list(names)} {'are' if many else 'is'} measured in every run"
+        out.append(f"{told}: whether {late} orders is not asked")
+    if _submerged(problem):
+        above = [e.name.replace("_", " ") for e in problem.model.effects.values() if e.at_surface]
+        out.append(f"every run is deeper than half the length of the vehicle: {and_list(above)} is not asked")
+    return tuple(out)
+
+
+def _submerged(problem: DiagnosisProblem) -> bool:
+    """Whether every run stays deeper than half the length of the vehicle, by its readings of z."""
+    if "z" not in problem.channels:
+        return False
+    depths = [log.readings[:, log.channels.index("z")] for log in problem.logs]
+    return all(np.isfinite(z).any() and np.nanmin(z) > 0.5 * problem.model.scales["L"] for z in depths)
 
 
 def _measured(problem: DiagnosisProblem) -> set[str]:

@@ -118,6 +118,7 @@ class Effect:
     "also" where it is a cause of its own as well, "only" where it is not, "alone" where it pushes to one side
     on a straight course: no part of a form, and a cause only where no form is needed.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
+    `at_surface` effects reach only a vehicle at the surface.
     """
 
     name: str
@@ -142,6 +143,7 @@ class Effect:
     says_over: str = ""
     as_form: Literal["", "also", "only", "alone"] = ""
     planar: bool = False
+    at_surface: bool = False
 
     def __post_init__(self) -> None:
         times = [i for i, p in enumerate(self.parameters) if p.dated]

@@ -56,6 +56,7 @@ EFFECTS = (
     Effect(
         name="wind",
         says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
+        at_surface=True,
         family="earth_force",
         port="force",
         where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
