@@ -68,6 +68,7 @@ def group_or(found, name):
     return inner[name]
 
 
+@pytest.mark.thorough
 def test_draws_come_back_from_the_file_in_their_places(sampled):
     again = load_posterior(sampled.out / "posterior.nc")
     assert np.array_equal(again.draws, sampled.posterior.draws)

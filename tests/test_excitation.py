@@ -85,6 +85,7 @@ def cubic(model):
     return {"Y_vvv": -4.5 * s["rho"] * s["L"] ** 2 / (2 * s["U"])}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["remus100", "generic_sub", "nps_auv2"])
 def test_columns_of_the_kernel_are_the_regressors_of_the_table(name):
     """Expected: the regressor strings evaluated by numpy, not by the generated kernel."""

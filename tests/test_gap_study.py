@@ -16,6 +16,7 @@ from studies.sim_to_real_gap.real_sections import lost_against_given, lost_words
 from studies.sim_to_real_gap.report import _score, judge, planted_section
 
 
+@pytest.mark.thorough
 def test_delphin2_is_too_fast_at_low_set_points_and_turns_too_fast_at_high_ones():
     # published values against the published simulator, as its owners' tables have them
     vehicle = load_vehicle("delphin2")

@@ -156,6 +156,7 @@ def test_a_plane_at_rest_is_not_asked_whether_it_is_in_radians(tmp_path, order, 
     assert bool(asked_of_a_bow_plane(tmp_path, order, reading)) is asks
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("reading", "said"),
     [
@@ -169,6 +170,7 @@ def test_one_series_that_rests_changes_and_two_change(tmp_path, reading, said):
     assert [r for r in propose([log], steering=STERN_X).remarks if "left out" in r] == [said]
 
 
+@pytest.mark.thorough
 def test_named_fins_without_a_unit_are_read_by_their_size(tmp_path):
     log = log_of(tmp_path, "zigzag:20/20,duration=60", [f"fin{k}" for k in (1, 2, 3, 4)])
     bare = log.read_text().splitlines()

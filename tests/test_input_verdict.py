@@ -221,6 +221,7 @@ def test_diagnose_says_input_and_what_is_left_once_it_is_mended(wrong_side):
     assert first in found.report().lead
 
 
+@pytest.mark.thorough
 def test_the_gap_of_a_right_log_is_the_same_as_logged_and_mended(clean, wrong_side):
     """The same replay is behind both numbers, whatever the noise it was read with."""
     found = wrong_side.after.found  # the mended log is the clean one to the bit

@@ -97,6 +97,7 @@ def test_a_check_says_that_the_wind_acts():
     assert check(calm(windy(seed=1))).wind is None
 
 
+@pytest.mark.thorough
 def test_a_fit_tells_how_much_of_the_measured_wind_is_felt():
     """An anemometer above the hull: .8 of its speed is felt; without that the gain of 1 stands."""
     found = fit_trial(windy(0.8, seed=2), vehicle_of(SHIP, windy()), free=["N_dr"], effects=["wind.gain"])

@@ -95,6 +95,7 @@ def test_the_mirrored_ship_runs_the_mirrored_track(ship):
         assert both[0][name] == pytest.approx(sign * both[1][name], abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_sensitivities_of_every_number_are_those_of_differences(ship):
     """Central differences of 1e-4 of the number; kinks of wake and flow straightening leave a few 1e-5."""
     t = np.arange(0.0, 60.0, 0.5)

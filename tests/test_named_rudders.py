@@ -92,6 +92,7 @@ def model_of(trial: Trial):
     return build_model(load_vehicle(trial.vehicle_ref), 3)
 
 
+@pytest.mark.thorough
 def test_rudders_of_the_right_sign_are_no_mistake(zigzags):
     assert check_trial(zigzags, model_of(zigzags)).findings == ()
 
@@ -112,6 +113,7 @@ def test_a_direction_of_the_wrong_sign_in_the_vehicle_file_is_told_alike(zigzags
     assert found.name == "sign of delta_1, delta_2"
 
 
+@pytest.mark.thorough
 def test_twin_rudders_have_one_lag_that_is_the_lag_of_both(zigzags):
     """One size on both gives the motion that each of two equal sizes gives."""
     model = model_of(zigzags)
@@ -253,6 +255,7 @@ def test_twins_are_fins_that_mirror_each_other(zigzags, one, other, twins):
     assert any(name.startswith("twin") for name in named) == twins
 
 
+@pytest.mark.thorough
 def test_a_fin_at_the_centre_says_nothing_of_the_sign_of_the_rudders(zigzags):
     """It does not turn the ship: with it, whichever side it is ordered to, the answer is that of the other
     fin alone."""

@@ -57,6 +57,7 @@ def test_rows_every_step_hold_the_commands_and_rows_near_a_step_are_not_doubled(
         with_rows_every(order, -1.0)
 
 
+@pytest.mark.thorough
 def test_effects_of_what_a_vehicle_does_not_have_are_not_on_offer():
     boat, sub = (build_model(load_vehicle(name), 3) for name in ("differential_boat", "generic_sub"))
     assert not IDLE & set(boat.effects) and set(sub.effects) > IDLE

@@ -79,6 +79,7 @@ def test_a_drift_of_the_depth_is_measured_beside_a_position_that_has_none():
     assert noise_model.drift < 0.3 * NOISE["x"]
 
 
+@pytest.mark.thorough
 def test_one_level_for_both_instruments_would_halve_the_drift_of_the_position():
     # control, and the reason for two levels
     paths = [path_of(0.6, 0.0, k) for k in range(2)]

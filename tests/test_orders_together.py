@@ -127,6 +127,7 @@ def test_two_rudders_turn_a_ship_as_the_one_that_has_the_force_of_both(ferry, ce
             assert b.data[name] == pytest.approx(a.data[name], rel=1e-6, abs=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_positive_order_turns_to_port_wherever_the_rudders_push(ferry):
     ahead = replace(ferry, fins=tuple(replace(f, at=(4.8, *f.at[1:])) for f in ferry.fins))
     assert rudders_together(ferry) == {"delta_1": 1.0, "delta_2": 1.0}
@@ -199,6 +200,7 @@ def test_a_log_of_named_rudders_without_a_vehicle_asks_for_it(ferry, tmp_path, c
     assert "tactical diameter" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "orders", [{"n_cmd": 600.0}, {"n_port_cmd": 450.0, "n_stbd_cmd": 450.0}, {"n_port_cmd": 600.0}]
 )
@@ -215,6 +217,7 @@ def test_a_vehicle_begins_at_the_speed_its_shafts_make_in_the_end(ferry, orders)
     assert found == pytest.approx([end] * 2, rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_what_does_not_push_ahead_leaves_a_vehicle_at_rest(ferry):
     port = replace(ferry.thrusters[0], name="bow", at=(4.0, 0.0, 0.0), direction=(0.0, 1.0, 0.0))
     model = build_model(replace(ferry, thrusters=(*ferry.thrusters, port)), 3)

@@ -285,6 +285,7 @@ def test_a_plan_is_followed_only_where_a_fin_is_late():
     assert follow(model, model.with_values({"actuator_dead_time.delay": 5.001}), plan) is finer
 
 
+@pytest.mark.thorough
 def test_a_late_rudder_is_followed_by_every_way_to_run():
     """Single run, lanes among other delays, sensitivities, adjoint, interval maps: the same steps."""
     model, par, t, inputs, x0 = reversals("nps_auv2", LATE[0])

@@ -106,6 +106,7 @@ def test_a_model_file_that_holds_no_gaussian_is_refused_in_words(how, words, tmp
         read_diagnosed(tmp_path)
 
 
+@pytest.mark.thorough
 def test_a_misspelt_run_is_told_with_the_runs_there_are_and_before_anything_is_diagnosed(monkeypatch):
     def no(*_):
         raise AssertionError("a model is asked for")
@@ -218,6 +219,7 @@ def test_first_states_have_the_spread_of_the_smoother():
     assert (last <= 1.2 * np.array(SEA.force)).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["remus100", "generic_sub", "delphin2"])
 @pytest.mark.parametrize("share", [0.7, 1.0])
 def test_approach_speed_balances_thrust_and_drag(name, share):
@@ -280,6 +282,7 @@ def test_measures_of_a_manoeuvre_come_with_bands():
     assert narrow["high"] - narrow["low"] < 1e-3 * (first["high"] - first["low"])
 
 
+@pytest.mark.thorough
 def test_a_vertical_zigzag_is_measured_by_the_planes_of_every_vehicle():
     """By those of the first draw the vehicle as given overshot by 8.4 degrees in place of 4.8."""
     model = build_model(load_vehicle("remus100"), 6)

@@ -31,6 +31,7 @@ def blowing(come):
     return {"wind.blowing_north": SPEED * np.cos(angle), "wind.blowing_east": SPEED * np.sin(angle)}
 
 
+@pytest.mark.thorough
 def test_a_beam_wind_pushes_as_the_table_says(ship):
     """Y = rho/2 A_L C_D V^2, drag of a loaded tanker abeam 0.70; accelerations in closed form."""
     _, sway, _ = acceleration(ship, blowing(90.0))

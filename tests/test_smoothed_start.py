@@ -191,6 +191,7 @@ def test_a_second_search_that_fails_leaves_the_first(monkeypatch):
         assert _first(problem, FEW, None, True, None, None, lambda: begin).fit is first
 
 
+@pytest.mark.thorough
 def test_in_six_degrees_of_freedom_a_search_that_does_not_arrive_begins_at_the_start_values_too(monkeypatch):
     model, trial, _ = trial_of(6)
     problem = problem_of(model, trial)

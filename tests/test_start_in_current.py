@@ -25,6 +25,7 @@ def straight(model, seconds=60.0):
     return OpenLoop("straight", t, {"delta_r_cmd": np.zeros(t.size), "n_cmd": np.full(t.size, rpm)})
 
 
+@pytest.mark.thorough
 def test_amidships_a_vehicle_keeps_its_heading_and_is_set_by_the_current(model):
     order = straight(model)
     run = virtual_run(model, model.with_values(CURRENT), order, name="s")

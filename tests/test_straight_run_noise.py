@@ -60,6 +60,7 @@ def measured(kind):
     return identify_straight_noise(MODEL, logs, coefficient_prior(MODEL))
 
 
+@pytest.mark.thorough
 def test_process_noise_alone_has_nothing_set_apart():
     environment, apart = measured("disturbance")
     assert not apart.any

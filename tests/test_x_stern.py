@@ -71,6 +71,7 @@ def with_rows(sideways, up):
     return replace(auv, coef={**auv.coef, **{n: c / scale[n[0]] for n, c in rows.items()}})
 
 
+@pytest.mark.thorough
 def test_an_x_turns_and_pitches_it_as_rudder_and_planes_of_the_same_force():
     named = bayesid.simulate(with_fins(X), *ORDERED, noise={}).runs
     usual = bayesid.simulate(with_rows(4 * HALF * FORCE, 4 * HALF * FORCE), *ORDERED, noise={}).runs
