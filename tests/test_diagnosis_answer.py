@@ -33,6 +33,7 @@ from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
 from bayesid.model.effects.of_ships import SHIP_EFFECTS
 from bayesid.model.vehicles import load_vehicle
+from bayesid.places import Places
 from bayesid.report.diagnosis.holdout import proof_label
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer.blocks import Row
@@ -663,6 +664,64 @@ def test_which_of_several_and_several_at_once_are_different_sentences(shares, ac
     # sizes are those of a cause that acts alone
     sized = "; 1.1 degrees to starboard)" in told
     assert sized == start.startswith("These runs cannot tell which it is: ")
+
+
+def two_that_act(unnamed, acting=(0.987, 0.983), **others):
+    """Two causes of one explanation that is ambiguous, as an AUV with list and trim had them."""
+    names = ("propeller_torque", "trim_weight")
+    sizes = (
+        an_effect("propeller_torque", torque=(-0.372, 0.08)),
+        an_effect("trim_weight", weight_excess=(2.03, 0.3), x=(0.24, 0.1)),
+    )
+    found = a_result(
+        "ambiguous", (), names, set95=names, rule=NONE_SURE, together=1.0, next_manoeuvre=(), unnamed=unnamed,
+        probabilities={"none": 0.0} | dict(zip(names, (0.49, 0.49), strict=True)),
+        acting={"none": 0.0} | dict(zip(names, acting, strict=True)), **others,
+    )  # fmt: skip
+    return replace(found, effects=sizes)
+
+
+def test_causes_with_the_probability_of_a_name_are_told_with_why_they_have_none():
+    """ "cannot tell which: propeller torque (0.99), trim weight (0.98)" contradicted itself."""
+    names = ("propeller_torque", "trim_weight")
+    told = answer(two_that_act(dict.fromkeys(names, "form"))).headline
+    assert told == (
+        "By their probabilities propeller torque (0.99) and trim weight (0.98) act together, but neither is "
+        f"named as a cause: of each, {WHY['form']}."
+    )
+    told = answer(two_that_act({"propeller_torque": "form", "trim_weight": "size"})).headline
+    assert told.endswith(f": of propeller torque, {WHY['form']}; of trim weight, {WHY['size']}.")
+    told = answer(two_that_act({"propeller_torque": "form"}, acting=(0.987, 0.3))).headline
+    assert told.startswith("By their probabilities propeller torque (0.99) acts, but it is not named")
+    assert told.endswith(f": of propeller torque, {WHY['form']}. Beside them may act: trim weight (0.30).")
+    # control: that neither has the probability of a name is what the old sentence says
+    told = answer(two_that_act(dict.fromkeys(names, "probability"), acting=(0.8, 0.7))).headline
+    assert told.startswith(
+        "Several things act together and these runs cannot tell which: propeller torque (0.80"
+    )
+
+
+def test_sizes_of_several_that_are_not_named_stand_on_the_first_screen_with_their_intervals():
+    found = two_that_act(dict.fromkeys(("propeller_torque", "trim_weight"), "form"))
+    said = answer(found).certainty
+    assert any(
+        line.startswith("Propeller torque: probability 0.97 that it acts; as the expl") for line in said
+    )
+    assert any("2.03 N heavier (95 %: 1.44 to 2.62)" in line for line in said)
+    assert not any("95 %: " in line for line in answer(replace(found, rule=UNSURE)).certainty)  # of one alone
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_causes_that_are_not_separated_are_to_be_told_apart_by_a_manoeuvre(asked):
+    names = ("propeller_torque", "trim_weight")
+    found = two_that_act(dict.fromkeys(names, "form"), next_asked=asked)
+    said = " ".join(answer(found, Places("pond", vehicle=" --vehicle auv.toml")).steps)
+    assert "`bayesid design pond --vehicle auv.toml --tell propeller_torque,trim_weight`" in said
+    assert ("as `--quick` asks" in said) != asked
+    planned = replace(found, next_manoeuvre=RESULT.next_manoeuvre)
+    assert "--tell" not in " ".join(answer(planned).steps)  # control: that one is said
+    alone = replace(found, set95=names[:1])
+    assert "--tell" not in " ".join(answer(alone).steps)
 
 
 def test_what_leeway_may_give_is_said_with_the_leeway():
