@@ -214,6 +214,24 @@ def test_a_coefficient_out_of_all_reason_is_told_in_the_box_with_both_measures(m
     assert [all(text in said[0] for text in told)] * bool(told) == [True] * len(said)
 
 
+def test_a_row_that_the_file_does_not_state_is_not_measured_by_its_stated_uncertainty():
+    """X_rr "by 555 times its stated uncertainty" was completed from `convention = "fossen"`."""
+    own = Moved(-0.485, 0.052, -33.0, -29.3, 8.7, 10.2)
+    completed = replace(own, completed=True)
+    (said,) = failures(a_result(moved={"X_rr": completed}))
+    assert said.startswith("The explanation needs rows far from what added mass gives")
+    assert "completed from the convention of the file, not stated (X_rr -0.485 to -29.3)" in said
+    assert "uncertainty" not in said and "it stands for another force of the same motion" in said
+    (said,) = failures(a_result(moved={"X_rr": completed, "N_v": Moved(-0.01, 0.001, -0.01, -0.05)}))
+    assert "those stated (N_v by 40 times its stated uncertainty, +400 %)." in said
+    assert "It also needs rows far from what added mass gives" in said
+    (said,) = failures(a_result(moved={"X_rr": own}))
+    assert "X_rr by 554 times its stated uncertainty" in said and "completed" not in said  # control
+    ((moved,), (stated,)) = (answer(a_result(moved={"X_rr": m})).moved for m in (completed, own))
+    assert "(completed from the convention of the file, not stated" in moved and "uncertainty" not in moved
+    assert "times its stated uncertainty" in stated
+
+
 def test_re_tuning_out_of_all_reason_is_told_where_no_effect_is_named():
     far = {n: Moved(-0.01, 0.001, -0.5, -0.01) for n in ("N_v", "N_r", "Y_v")}
     for word in ("none", "model_form"):

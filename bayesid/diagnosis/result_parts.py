@@ -276,6 +276,9 @@ class Moved:
             "given, and in results of earlier versions."
         ),
     ] = None
+    completed: Annotated[
+        bool, About("Whether the vehicle file does not state it: it was completed from the convention.")
+    ] = False
 
     @property
     def deviations(self) -> float:
