@@ -19,7 +19,7 @@ from bayesid.model.vehicles import (
     stability,
     usual_speed,
 )
-from bayesid.model.vehicles.units_check import added_mass_of_no_body
+from bayesid.model.vehicles.units_check import added_mass_out_of_proportion
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_stability.json").read_text("utf-8"))
 EVERY = pytest.mark.parametrize("name", ROW_SETS)
@@ -166,19 +166,19 @@ def test_added_mass_in_other_units_than_stated_is_told_with_the_reason(name):
     """Either way round: SI rows under `nondimensional = true`, and prime ones under `false`."""
     vehicle = load_vehicle(name)
     other = replace(vehicle, nondimensional=not vehicle.nondimensional, U_ref=1.6)
-    text, rows = added_mass_of_no_body(other)
+    text, rows = added_mass_out_of_proportion(other)
     assert "Y_vdot" in rows
     assert f"is `nondimensional = {str(vehicle.nondimensional).lower()}` meant?" in text
     warnings = [finding for finding in check_vehicle(other) if finding.level == "warning"]
     assert any(finding.text == text and finding.rows == rows for finding in warnings)
-    assert added_mass_of_no_body(vehicle) is None  # control
+    assert added_mass_out_of_proportion(vehicle) is None  # control
 
 
 @pytest.mark.parametrize(("times", "odd"), [(8.5, False), (12.0, True)])
 def test_added_mass_of_a_flat_disc_passes_and_more_does_not(times, odd):
     """A disc ten times as wide as thick has 8.5 times its mass in heave; no other units explain 12 times."""
     remus = load_vehicle("remus100")
-    found = added_mass_of_no_body(replace(remus, coef=remus.coef | {"Z_wdot": -times * remus.mass}))
+    found = added_mass_out_of_proportion(replace(remus, coef=remus.coef | {"Z_wdot": -times * remus.mass}))
     assert (found is not None) == odd
     if found is not None:
         assert found[1] == ("Z_wdot",) and "12 times mass" in found[0] and "meant?" not in found[0]

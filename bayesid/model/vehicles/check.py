@@ -16,7 +16,7 @@ from bayesid.model.propulsion import MODELS
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.stability import Stability, self_propulsion_speed, stability
-from bayesid.model.vehicles.units_check import added_mass_of_no_body, speed_far_from_stated
+from bayesid.model.vehicles.units_check import added_mass_out_of_proportion, speed_far_from_stated
 from bayesid.model.vehicles.vehicle import GRAVITY, Vehicle, coef_si
 
 #: rows whose sign is known for any body that is damped, of inertia, or steered as the convention says
@@ -103,8 +103,8 @@ def _size(vehicle: Vehicle) -> list[Finding]:
 
 
 def _added_mass(vehicle: Vehicle) -> list[Finding]:
-    """Added mass that no body has: numbers in other units than the file states."""
-    found = added_mass_of_no_body(vehicle)
+    """Added mass that hardly any body has: numbers in other units than the file states."""
+    found = added_mass_out_of_proportion(vehicle)
     return [] if found is None else [Finding("warning", *found)]
 
 

@@ -12,15 +12,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.model.vehicles.vehicle import Vehicle, coef_si
-from bayesid.words import and_list, first_few
+from bayesid.words import and_list, digits, first_few
 
+MOST_ACROSS, MOST_AHEAD = 10.0, 3.0
 #: row, most times the mass or moment of inertia of the vehicle, and which
 MOST = (
-    ("X_udot", 3.0, "mass"),
-    ("Y_vdot", 10.0, "mass"),
-    ("Z_wdot", 10.0, "mass"),
-    ("M_qdot", 10.0, "Iyy"),
-    ("N_rdot", 10.0, "Izz"),
+    ("Y_vdot", MOST_ACROSS, "mass"),
+    ("Z_wdot", MOST_ACROSS, "mass"),
+    ("X_udot", MOST_AHEAD, "mass"),
+    ("M_qdot", MOST_ACROSS, "Iyy"),
+    ("N_rdot", MOST_ACROSS, "Izz"),
 )
 LEAST = 0.01  # of the mass in sway and heave; a barge twenty times as wide as deep has 0.08 in sway
 ACROSS = ("Y_vdot", "Z_wdot")
@@ -28,8 +29,8 @@ SPEEDS_APART = 3.0  # speed at rpm_ref over U_ref, or the reverse; the built-in 
 SHOWN = 3
 
 
-def added_mass_of_no_body(vehicle: Vehicle) -> tuple[str, tuple[str, ...]] | None:
-    """A sentence on rows of added mass that no body has, and the rows; None where there are none."""
+def added_mass_out_of_proportion(vehicle: Vehicle) -> tuple[str, tuple[str, ...]] | None:
+    """A sentence on rows of added mass that hardly any body has, and the rows; None where there are none."""
     now, other = _ratios(vehicle), _ratios(replace(vehicle, nondimensional=not vehicle.nondimensional))
     large = [row for row, most, _ in MOST if now.get(row, 0.0) > most]
     small = [row for row in ACROSS if 0.0 < now.get(row, 1.0) < LEAST]
@@ -42,11 +43,14 @@ def added_mass_of_no_body(vehicle: Vehicle) -> tuple[str, tuple[str, ...]] | Non
     told = []
     for row in odd:
         unit = "kg" if of[row] == "mass" else "kg m^2"
-        told.append(f"{row} = {si[row]:.4g} {unit}, {now[row]:.3g} times {of[row]} = ")
-        told[-1] += f"{getattr(vehicle, of[row]):.4g}"
-    text = f"added mass that no body has: {first_few(told, SHOWN, '; ')}"
+        told.append(
+            f"{row} = {digits(si[row], 4)} {unit}, {digits(now[row], 3)} times {of[row]} = "
+            f"{digits(getattr(vehicle, of[row]), 4)}"
+        )
+    text = f"added mass out of all proportion: {first_few(told, SHOWN, '; ')}"
     bounds = "about 1 in sway and heave and below 0.2 in surge are usual of a slender body"
-    text += f" ({bounds}, more than {MOST[1][1]:g} hardly any has)" if large else f" ({bounds})"
+    beyond = f"; more than {MOST_ACROSS:g} times, ahead {MOST_AHEAD:g} times, hardly any has" if large else ""
+    text += f" ({bounds}{beyond})"
     if len(fits) == len(odd):
         stated, meant = ("prime", "SI") if vehicle.nondimensional else ("SI", "prime")
         one = next((row for row in fits if row in ACROSS), fits[0])
