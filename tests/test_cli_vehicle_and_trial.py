@@ -162,6 +162,17 @@ def test_vehicle_check_warns_of_a_positive_damping(tmp_path, capsys):
     assert "Unphysical or contradictory:" in out and "N_r|r|" in out and "G_H" in out
 
 
+@pytest.mark.parametrize(("effect", "code"), [("rudder_lag", 2), ("actuator_lag", 0)])
+def test_vehicle_check_refuses_an_effect_that_nobody_declares(effect, code, tmp_path, capsys):
+    path = Path(bayesid.model.vehicles.__file__).parent / "builtin" / "remus100.toml"
+    (tmp_path / "boat.toml").write_text(path.read_text() + f"\n[effects.{effect}]\ntau = 0.1\n")
+    assert run(["vehicle", "check", str(tmp_path / "boat.toml")]) == code
+    told = capsys.readouterr()
+    assert ("Nothing missing for: simulate" in told.out) == (code == 0)
+    if code:
+        assert "nobody declares rudder_lag.tau (did you mean actuator_lag.tau" in told.err
+
+
 def test_a_circle_is_measured_by_its_geometry(capsys):
     """Radius 50 m at 2 m/s after 20 s straight: advance = transfer = 50 m, tactical diameter 100 m."""
     t = np.arange(0.0, 400.0, 0.5)

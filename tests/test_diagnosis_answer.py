@@ -33,6 +33,7 @@ from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
 from bayesid.model.effects.of_ships import SHIP_EFFECTS
 from bayesid.model.vehicles import load_vehicle
+from bayesid.places import Places
 from bayesid.report.diagnosis.holdout import proof_label
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer.blocks import Row
@@ -211,6 +212,24 @@ def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_
 def test_a_coefficient_out_of_all_reason_is_told_in_the_box_with_both_measures(moved, told):
     said = failures(a_result(moved={"N_v": moved}))
     assert [all(text in said[0] for text in told)] * bool(told) == [True] * len(said)
+
+
+def test_a_row_that_the_file_does_not_state_is_not_measured_by_its_stated_uncertainty():
+    """X_rr "by 555 times its stated uncertainty" was completed from `convention = "fossen"`."""
+    own = Moved(-0.485, 0.052, -33.0, -29.3, 8.7, 10.2)
+    completed = replace(own, completed=True)
+    (said,) = failures(a_result(moved={"X_rr": completed}))
+    assert said.startswith("The explanation needs rows far from what added mass gives")
+    assert "completed from the convention of the file, not stated (X_rr -0.485 to -29.3)" in said
+    assert "uncertainty" not in said and "it stands for another force of the same motion" in said
+    (said,) = failures(a_result(moved={"X_rr": completed, "N_v": Moved(-0.01, 0.001, -0.01, -0.05)}))
+    assert "those stated (N_v by 40 times its stated uncertainty, +400 %)." in said
+    assert "It also needs rows far from what added mass gives" in said
+    (said,) = failures(a_result(moved={"X_rr": own}))
+    assert "X_rr by 554 times its stated uncertainty" in said and "completed" not in said  # control
+    ((moved,), (stated,)) = (answer(a_result(moved={"X_rr": m})).moved for m in (completed, own))
+    assert "(completed from the convention of the file, not stated" in moved and "uncertainty" not in moved
+    assert "times its stated uncertainty" in stated
 
 
 def test_re_tuning_out_of_all_reason_is_told_where_no_effect_is_named():
@@ -663,6 +682,64 @@ def test_which_of_several_and_several_at_once_are_different_sentences(shares, ac
     # sizes are those of a cause that acts alone
     sized = "; 1.1 degrees to starboard)" in told
     assert sized == start.startswith("These runs cannot tell which it is: ")
+
+
+def two_that_act(unnamed, acting=(0.987, 0.983), **others):
+    """Two causes of one explanation that is ambiguous, as an AUV with list and trim had them."""
+    names = ("propeller_torque", "trim_weight")
+    sizes = (
+        an_effect("propeller_torque", torque=(-0.372, 0.08)),
+        an_effect("trim_weight", weight_excess=(2.03, 0.3), x=(0.24, 0.1)),
+    )
+    found = a_result(
+        "ambiguous", (), names, set95=names, rule=NONE_SURE, together=1.0, next_manoeuvre=(), unnamed=unnamed,
+        probabilities={"none": 0.0} | dict(zip(names, (0.49, 0.49), strict=True)),
+        acting={"none": 0.0} | dict(zip(names, acting, strict=True)), **others,
+    )  # fmt: skip
+    return replace(found, effects=sizes)
+
+
+def test_causes_with_the_probability_of_a_name_are_told_with_why_they_have_none():
+    """ "cannot tell which: propeller torque (0.99), trim weight (0.98)" contradicted itself."""
+    names = ("propeller_torque", "trim_weight")
+    told = answer(two_that_act(dict.fromkeys(names, "form"))).headline
+    assert told == (
+        "By their probabilities propeller torque (0.99) and trim weight (0.98) act together, but neither is "
+        f"named as a cause: of each, {WHY['form']}."
+    )
+    told = answer(two_that_act({"propeller_torque": "form", "trim_weight": "size"})).headline
+    assert told.endswith(f": of propeller torque, {WHY['form']}; of trim weight, {WHY['size']}.")
+    told = answer(two_that_act({"propeller_torque": "form"}, acting=(0.987, 0.3))).headline
+    assert told.startswith("By their probabilities propeller torque (0.99) acts, but it is not named")
+    assert told.endswith(f": of propeller torque, {WHY['form']}. Beside them may act: trim weight (0.30).")
+    # control: that neither has the probability of a name is what the old sentence says
+    told = answer(two_that_act(dict.fromkeys(names, "probability"), acting=(0.8, 0.7))).headline
+    assert told.startswith(
+        "Several things act together and these runs cannot tell which: propeller torque (0.80"
+    )
+
+
+def test_sizes_of_several_that_are_not_named_stand_on_the_first_screen_with_their_intervals():
+    found = two_that_act(dict.fromkeys(("propeller_torque", "trim_weight"), "form"))
+    said = answer(found).certainty
+    assert any(
+        line.startswith("Propeller torque: probability 0.97 that it acts; as the expl") for line in said
+    )
+    assert any("2.03 N heavier (95 %: 1.44 to 2.62)" in line for line in said)
+    assert not any("95 %: " in line for line in answer(replace(found, rule=UNSURE)).certainty)  # of one alone
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_causes_that_are_not_separated_are_to_be_told_apart_by_a_manoeuvre(asked):
+    names = ("propeller_torque", "trim_weight")
+    found = two_that_act(dict.fromkeys(names, "form"), next_asked=asked)
+    said = " ".join(answer(found, Places("pond", vehicle=" --vehicle auv.toml")).steps)
+    assert "`bayesid design pond --vehicle auv.toml --tell propeller_torque,trim_weight`" in said
+    assert ("as `--quick` asks" in said) != asked
+    planned = replace(found, next_manoeuvre=RESULT.next_manoeuvre)
+    assert "--tell" not in " ".join(answer(planned).steps)  # control: that one is said
+    alone = replace(found, set95=names[:1])
+    assert "--tell" not in " ".join(answer(alone).steps)
 
 
 def test_what_leeway_may_give_is_said_with_the_leeway():

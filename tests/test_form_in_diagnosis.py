@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bayesid.diagnosis import form_stage
-from bayesid.diagnosis.data.model_form import ModelForm, form_effects, with_form
+from bayesid.diagnosis.data.model_form import ModelForm, absent_fins, form_effects, with_form
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses import candidate as candidates
@@ -19,10 +19,13 @@ from bayesid.diagnosis.hypotheses.facts import like_a_form
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.form_search import SoughtForm, _Columns
 from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.likelihood.model_form import form_rows, typical
 from bayesid.estimation.parameters import coefficient_prior
 from bayesid.manoeuvres import OpenLoop
+from bayesid.model.terms import term
+from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 
 SIZES = {"X": 0.0, "Y": 3e-4, "N": 1e-3}
@@ -50,6 +53,26 @@ def test_a_form_widens_the_rows_it_has_and_adds_those_the_vehicle_lacks():
         "asymmetry_in_turns", "asymmetry_under_rudder", "crossflow_drag", "cubic_damping", "heel_in_yaw_rate",
         "hull_asymmetry",
     }  # fmt: skip
+
+
+def test_a_form_has_no_row_of_a_fin_that_the_vehicle_does_not_have():
+    """An AUV without bow planes was written with X_dbdb = +0.72: drawn from its prior, as no run tells it."""
+    model = build_model(load_vehicle("lauv"), 6)
+    still = np.zeros((3, len(model.kernel.actuators)))
+    bow, form = list(model.kernel.actuators).index("delta_b"), ModelForm(dict.fromkeys("XYZKMN", 1e-3))
+
+    def free(vehicle_model, levels):
+        absent = absent_fins(vehicle_model, [Plain(plan=Plain(levels=levels))])
+        names = with_form(vehicle_model, coefficient_prior(vehicle_model), form, absent).names
+        return {n for n in names if "." not in n and any(f.symbol == "delta_b" for f in term(n).factors)}
+
+    assert not free(model, still)
+    moving = still.copy()
+    moving[1, bow] = 0.1
+    assert "X_dbdb" in free(model, moving)  # control: a run moves it, so the file lacks it
+    lauv = load_vehicle("lauv")
+    has = build_model(replace(lauv, coef=lauv.coef | {"Z_db": -1.0}), 6)
+    assert "X_dbdb" in free(has, still)  # control: the file has one, though no run moves it
 
 
 def test_no_form_is_the_prior_of_the_vehicle():

@@ -14,6 +14,14 @@ from bayesid.errors import FitError
 from bayesid.progress import Progress
 from bayesid.report.fit_figures import overlay
 from bayesid.report.fit_first_screen import moved
+from bayesid.report.prediction_error import (
+    NO_FIT,
+    fit_percent,
+    no_fit_note,
+    prediction_numbers,
+    prediction_rows,
+)
+from bayesid.report.writer.text import table_text
 from bayesid.trials import load_trial
 from bayesid.trials.write import file_names, file_stem
 from bayesid.words import did_you_mean, digits
@@ -131,3 +139,27 @@ def test_the_legend_of_a_track_lies_above_it():
     assert plans
     for axes in plans:
         assert axes.get_legend().get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0
+
+
+def an_outcome(depth, sigma=0.02):
+    """A run of which depth and heading are read; the depth is missed by 1.9 m."""
+    readings = np.column_stack([depth, np.linspace(0.0, 2.0, depth.size)])
+    rms = np.array([1.9, 0.1])
+    return SimpleNamespace(
+        name="r7", manoeuvre="turn", role="holdout", channels=("z", "psi"), readings=readings,
+        sigma=np.array([sigma, 0.01]), rms_nominal=rms, rms_fitted=rms,
+    )  # fmt: skip
+
+
+def test_a_channel_that_moves_no_more_than_its_noise_has_a_dash_and_a_note_for_its_fit():
+    """A depth that an autopilot held had a fit of -8282 %."""
+    rng = np.random.default_rng(0)
+    held = an_outcome(3.0 + 0.02 * rng.standard_normal(400))
+    ((*_, of_depth), (*_, of_heading)) = prediction_rows([held])
+    assert np.isnan(of_depth) and of_heading == pytest.approx(100.0 * (1.0 - 0.1 / (1.0 / 3**0.5)), rel=0.01)
+    assert no_fit_note([held]) == NO_FIT and "–" in table_text("abcdefg", prediction_rows([held]))
+    numbers = prediction_numbers([held])[0]["channels"]
+    assert np.isnan(numbers["z"]["fit_percent"]) and numbers["z"]["rms_fitted"] == 1.9
+    dives = an_outcome(np.linspace(3.0, 4.0, 400))  # control: missed by more than it moves, and it moves
+    assert prediction_rows([dives])[0][-1] == pytest.approx(-558, abs=5) and no_fit_note([dives]) == ""
+    assert np.isnan(fit_percent(0.1, np.ones(9), 0.0))

@@ -19,6 +19,7 @@ from bayesid.model.vehicles import (
     stability,
     usual_speed,
 )
+from bayesid.model.vehicles.units_check import added_mass_out_of_proportion
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_stability.json").read_text("utf-8"))
 EVERY = pytest.mark.parametrize("name", ROW_SETS)
@@ -155,3 +156,39 @@ def test_thrust_that_falls_with_speed_is_not_taken_for_hull_drag():
     values = {"X_prop_u|u|": -1.0, "X_prop_un": 0.0, "X_prop_n|n|": 2e-6, "X_prop_n": 0.0, "rpm_ref": 1500.0}
     boat = replace(load_vehicle("remus100"), propulsion=Propulsion("quadratic", values))
     assert not [finding for finding in check_vehicle(boat) if finding.level == "warning"]
+
+
+PRIME, SI = ("suboff_full", "generic_sub", "nps_auv2"), ("remus100", "lauv", "delphin2")
+
+
+@pytest.mark.parametrize("name", [*PRIME, *SI])
+def test_added_mass_in_other_units_than_stated_is_told_with_the_reason(name):
+    """Either way round: SI rows under `nondimensional = true`, and prime ones under `false`."""
+    vehicle = load_vehicle(name)
+    other = replace(vehicle, nondimensional=not vehicle.nondimensional, U_ref=1.6)
+    text, rows = added_mass_out_of_proportion(other)
+    assert "Y_vdot" in rows
+    assert f"is `nondimensional = {str(vehicle.nondimensional).lower()}` meant?" in text
+    warnings = [finding for finding in check_vehicle(other) if finding.level == "warning"]
+    assert any(finding.text == text and finding.rows == rows for finding in warnings)
+    assert added_mass_out_of_proportion(vehicle) is None  # control
+
+
+@pytest.mark.parametrize(("times", "odd"), [(8.5, False), (12.0, True)])
+def test_added_mass_of_a_flat_disc_passes_and_more_does_not(times, odd):
+    """A disc ten times as wide as thick has 8.5 times its mass in heave; no other units explain 12 times."""
+    remus = load_vehicle("remus100")
+    found = added_mass_out_of_proportion(replace(remus, coef=remus.coef | {"Z_wdot": -times * remus.mass}))
+    assert (found is not None) == odd
+    if found is not None:
+        assert found[1] == ("Z_wdot",) and "12 times mass" in found[0] and "meant?" not in found[0]
+
+
+@pytest.mark.parametrize(("stated", "word"), [(0.1, "too small"), (1.0, ""), (4.0, ""), (16.0, "too large")])
+def test_a_speed_at_rpm_ref_far_from_the_stated_one_is_told(stated, word):
+    remus = replace(load_vehicle("remus100"), U_ref=stated)
+    texts = [f.text for f in check_vehicle(remus) if f.level == "warning"]
+    assert bool(texts) == bool(word), texts
+    if word:
+        assert "runs at 1.54 m/s at rpm_ref" in texts[0]
+        assert f"U_ref = {stated:g} m/s" in texts[0] and word in texts[0]

@@ -225,6 +225,13 @@ def test_fossen_sets_are_completed_on_load():
     assert read().coef["N_v"] == 4.5
 
 
+def test_a_row_that_only_the_convention_gives_is_known_as_such_and_changes_no_digest():
+    completed = read('convention = "fossen"')
+    assert "X_vr" in completed.completed and "N_v" not in completed.completed  # N_v is stated, and completed
+    assert read().completed == ()
+    assert replace(completed, completed=()).digest == completed.digest
+
+
 def test_starboard_rudder_is_turned_and_nothing_else():
     port, starboard = read().coef, read('rudder_positive = "starboard"').coef
     assert starboard["N_dr"] == 18.0

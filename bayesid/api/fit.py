@@ -51,7 +51,12 @@ from bayesid.report.fit_effects import effect_words
 from bayesid.report.fit_first_screen import headline, moved
 from bayesid.report.fit_form import form_rows_of
 from bayesid.report.fit_held import actuator_words, freeing_words
-from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
+from bayesid.report.prediction_error import (
+    PREDICTION_COLUMNS,
+    no_fit_note,
+    prediction_numbers,
+    prediction_rows,
+)
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
@@ -290,6 +295,7 @@ class FitResult(Result):
             whole = "; of whole runs, where a diagnosis counts after the first seconds"
             lines.append("\nRms errors" + of_held + whole)
             lines.append(table_text(PREDICTION_COLUMNS, prediction_rows(shown), digits=3))
+            lines += filter(None, [no_fit_note(shown)])
         return "\n".join(lines)
 
     def _doubts(self) -> list[str]:

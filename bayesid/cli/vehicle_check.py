@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from bayesid.cli.choices import VehicleName
+from bayesid.cli.choices import Effects, VehicleName
 from bayesid.cli.options import Json, Out, Verbose
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 if TYPE_CHECKING:
+    from bayesid.model.effects import Effect
     from bayesid.model.vehicles import Vehicle
     from bayesid.model.vehicles.stability import Stability
 
@@ -20,13 +21,20 @@ REPETITIVE = {"switch", "reach", *(f"overshoot {k}" for k in range(4, 1000))}
 LARGEST = 35 * DEG  # where a vehicle states no limit
 
 
-def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> int:
+def check(
+    vehicle: VehicleName,
+    effects: Effects = None,
+    out: Out = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> int:
     """Check a vehicle: stability, how it turns and zig-zags, what no real vehicle does, and what it lacks for
     which command.
 
     Ends with exit code 3 where something is unphysical or contradictory, whatever else is worth knowing or
-    missing.
+    missing. Effects of the file that nobody declares are refused, as any other command does.
     """
+    from bayesid.api.inputs import declared_effects
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.cli.run_measures import print_measures
     from bayesid.files import write_json
@@ -36,6 +44,8 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
     from bayesid.model.vehicles.sufficient import lacking
 
     found = load_vehicle(vehicle)
+    declared = declared_effects(effects)
+    _refuse_unknown_effects(found, declared)
     findings = check_vehicle(found)
     result: dict[str, Any] = {"vehicle": found.name, "digest": found.digest, "findings": findings}
     straight = _or_none(stability, found)
@@ -47,7 +57,7 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
             "eigenvalues, horizontal [U/L]": [[value.real, value.imag] for value in straight.horizontal],
             "eigenvalues, vertical [U/L]": [[value.real, value.imag] for value in straight.vertical],
         }
-    result["behaviour"] = behaviour = _behaviour(found)
+    result["behaviour"] = behaviour = _behaviour(found, declared)
     result["lacking"] = lacks = lacking(found)
     if out is not None:
         write_json(out / "vehicle_check.json", result)
@@ -73,6 +83,17 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
     return code
 
 
+def _refuse_unknown_effects(vehicle: Vehicle, declared: tuple[Effect, ...]) -> None:
+    """Refuse [effects] that nobody declares, as every command that simulates does."""
+    from bayesid.equations.model import build_model
+    from bayesid.model.effects import CATALOGUE
+    from bayesid.model.effects.named import named_effects
+
+    every = (*CATALOGUE, *named_effects(vehicle.actuators, vehicle.rpm_ref), *declared)
+    if not set(vehicle.effects) <= {e.key(p.name) for e in every for p in e.parameters}:
+        build_model(vehicle, 3, declared)  # knows the rest, refuses with the names that come near
+
+
 def _print_lacking(lacks: dict[str, list[str]]) -> None:
     from bayesid.cli.output import print_text
 
@@ -87,7 +108,7 @@ def _print_lacking(lacks: dict[str, list[str]]) -> None:
         print_text(f"  - {', '.join(commands)}: {text}")
 
 
-def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
+def _behaviour(vehicle: Vehicle, declared: tuple[Effect, ...]) -> list[dict[str, Any]]:
     """Turning circle and zig-zags in the horizontal plane from the usual straight run, planes amidships."""
     from bayesid.equations.model import build_model
     from bayesid.errors import BayesidError
@@ -105,7 +126,7 @@ def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
             continue
         text = text if limit >= angle * DEG else "turn:" + f"{limit / DEG:.6g},side=starboard"
         try:
-            model = build_model(vehicle, 3)
+            model = build_model(vehicle, 3, declared)
             start = steady_start(model)
             speed = float(start[model.states.index("u")])
             rudder = min(limit, LARGEST)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause
+from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause, to_tell_apart
 from bayesid.diagnosis.event_words import rudder_off, unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
@@ -20,7 +20,13 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING, OUTSIDE_SAID
+from bayesid.diagnosis.hypotheses.rules import (
+    LEFT_OUT_WORSE,
+    MOTION_EVENT,
+    NAMING,
+    NONE_SURE,
+    OUTSIDE_SAID,
+)
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
@@ -329,13 +335,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
     out = []
     if result.verdict in NAMING:
         for e in result.effects:
-            sizes = intervals(e)
-            out.append(
-                f"{in_words(e.name).capitalize()}: probability {probability(e.probability)}"
-                + (_or_its_like(e) or " that it acts")
-                + (f"; {', '.join(sizes)}." if sizes else ".")
-                + _usual(e)
-            )
+            out.append(_how_sure(e))
         if any(e.probability < SURE_PROBABILITY for e in result.effects):
             out.append(
                 f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
@@ -347,6 +347,9 @@ def _certainty(result: Result) -> tuple[str, ...]:
     first = leading_cause(result) if result.verdict == "ambiguous" else None
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
+    if result.rule == NONE_SURE and len(explanation(result)) > 1:  # sizes are those of the explanation
+        told = [e for e in result.effects if e.name in explanation(result) and intervals(e)]
+        out += [_how_sure(e, "as the explanation has it, ") for e in told]
     said = explanation(result) if result.verdict in NAMING else ()
     other = [(n, p) for n, p in rivals(result) if n not in said]
     if result.rule in OUTSIDE_SAID:  # which is outside the list
@@ -375,6 +378,17 @@ def _certainty(result: Result) -> tuple[str, ...]:
             f"These runs would hardly show {first_few(map(in_words, result.unseen), 6)} at their usual size."
         )
     return tuple(out)
+
+
+def _how_sure(e: Effect, whose: str = "") -> str:
+    """Probability and sizes with intervals; `whose` says of which estimate the sizes are."""
+    sizes = intervals(e)
+    return (
+        f"{in_words(e.name).capitalize()}: probability {probability(e.probability)}"
+        + (_or_its_like(e) or " that it acts")
+        + (f"; {whose}{', '.join(sizes)}." if sizes else ".")
+        + _usual(e)
+    )
 
 
 def _list(names: list[str]) -> str:
@@ -461,6 +475,8 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
         orders = f": {best.orders}" if best.orders else ""
         told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
         out.append(f"Run next: {told}; it tells best what is still open.")
+    elif apart := to_tell_apart(result, places):
+        out.append(apart)
     return (*out, prediction_step(_why_not(result), places=places, example=example_of(result)))
 
 

@@ -5,11 +5,16 @@ Takes a `Result`. Gives sentences. Does not decide.
 
 from __future__ import annotations
 
+from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM, LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
 from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, size_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
-from bayesid.diagnosis.threshold_table import EVEN_ODDS
+from bayesid.diagnosis.threshold_table import EVEN_ODDS, NAMING_PROBABILITY
+from bayesid.diagnosis.unnamed_words import WHY
+from bayesid.model.effects import CATALOGUE
+from bayesid.places import Places
+from bayesid.words import and_list
 
 # Possible causes that are told, and the probability of two together from which they are told so.
 MOST_RIVALS, POSSIBLE = 4, 0.05
@@ -58,9 +63,55 @@ def cannot_tell(result: Result) -> str:
         return f"More likely than not {said}; these runs do not exclude {rest}{pairs}."
     if len(chances) == 1:
         return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
+    if held_back(result):
+        return _act_unnamed(result, chances, alone)
     if result.together > EVEN_ODDS:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
     return f"These runs cannot tell which it is: {listed}{alone}{pairs}."
+
+
+def held_back(result: Result) -> bool:
+    """Whether several causes act and some have the probability of a name, yet none for another reason."""
+    reasons = (result.unnamed.get(n) for n, p in _chances(result) if p >= NAMING_PROBABILITY)
+    return result.together > EVEN_ODDS and any(why not in (None, "probability") for why in reasons)
+
+
+def _act_unnamed(result: Result, chances: list[tuple[str, float]], alone: str) -> str:
+    """That causes act together by their probabilities, and why each is not named nevertheless."""
+    acting = [(n, p) for n, p in chances if p > EVEN_ODDS]
+    others = [_sized(result, n, p) for n, p in chances if p <= EVEN_ODDS]
+    by_reason: dict[str, list[str]] = {}
+    for name, p in acting:
+        why = result.unnamed.get(name, "probability" if p < NAMING_PROBABILITY else None)
+        if why is not None:
+            by_reason.setdefault(WHY[why], []).append(_outside(name))
+    one = len(by_reason) == 1 and len(acting) == sum(map(len, by_reason.values())) > 1
+    reasons = "; ".join(
+        f"of {'each' if one else and_list(names)}, {words}" for words, names in by_reason.items()
+    )
+    none = {1: "it is not", 2: "neither is"}.get(len(acting), "none of them is")
+    also = f" Beside them may act: {', '.join(others)}." if others else ""
+    return (
+        f"By their probabilities {and_list(_sized(result, n, p) for n, p in acting)} "
+        f"act{'s' if len(acting) == 1 else ' together'}{alone}, but {none} named as a cause: {reasons}.{also}"
+    )
+
+
+def to_tell_apart(result: Result, places: Places) -> str:
+    """Where no manoeuvre is proposed, the command that plans one to tell the possible causes apart; else
+    empty."""
+    known = {e.name for e in CATALOGUE}
+    names = [n for n, _ in _chances(result) if n not in ("outside", COEFFICIENT_ERROR)]
+    own = bool(places.effects) and not known.issuperset(names)  # `design` takes no file of effects
+    if result.verdict != "ambiguous" or result.next_manoeuvre or len(names) < 2 or own:
+        return ""
+    command = f"`bayesid design {places.fitted} --tell {','.join(names)}`"
+    why = (
+        "No manoeuvre of the library was found that tells these causes apart"
+        if result.next_asked
+        else "No manoeuvre was planned, as `--quick` asks"
+    )
+    return f"{why}: {command} looks for one that tells {and_list(map(in_words, names))} apart."
 
 
 def leading_cause(result: Result) -> Effect | None:

@@ -5,6 +5,8 @@ Takes a comparison of hypotheses and its verdict. Does not decide.
 
 from __future__ import annotations
 
+import math
+
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table
@@ -12,6 +14,7 @@ from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
+from bayesid.diagnosis.plain_words import Z95
 from bayesid.diagnosis.result_parts import Effect, Value
 from bayesid.diagnosis.size_names import contract, in_sentence, meanings, said_of
 from bayesid.equations.model import Model
@@ -49,11 +52,7 @@ def effects_found(
         needed = in_sentence(effect, says) if effect is not None else frozenset()
         values = {
             # draws are of this explanation and its equations, not of others or of kinematics alone
-            p: Value(
-                *table[key],
-                unit,
-                *_interval(drawn if own(key) else None, key, table[key][1]),
-            )
+            p: _value(*table[key], unit, _interval(drawn if own(key) else None, key, table[key][1]))
             for p, (key, unit) in keys.items()
             if key in table and (key not in silent or p in needed)
         }
@@ -91,6 +90,13 @@ def _in_its_place(c: HypothesisComparison, families: dict[str, str], name: str) 
         for n, p in c.inside.items()
         if n != name and p >= WORTH_TELLING and family is not None and families.get(n) == family
     }
+
+
+def _value(value: float, sd: float, unit: str, drawn: tuple[float | None, float | None]) -> Value:
+    """A size with the interval to use: of the draws, else by its deviation where that is finite."""
+    if drawn == (None, None) and math.isfinite(value) and math.isfinite(sd):
+        drawn = (value - Z95 * sd, value + Z95 * sd)
+    return Value(value, sd, unit, *drawn)
 
 
 def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | None, float | None]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
 from bayesid.diagnosis.result import Result
@@ -15,7 +15,7 @@ from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 from bayesid.places import NOWHERE, Places
-from bayesid.words import first_few
+from bayesid.words import digits, first_few
 
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
 NEEDS_NONE = ("none", "model_form")
@@ -127,40 +127,69 @@ def far_off(result: Result) -> str:
     if not used and result.verdict == "coefficients":
         return ""
 
-    told = out_of_reason(
-        {
-            n: (m.given, m.explained if used else m.retuned, m.prior_sd)
-            for n, m in result.moved.items()
-            if not (m.explained_open if used else m.open)
-        }
-    )
-    if not told:
-        return ""
+    moved = {
+        n: (m.given, m.explained if used else m.retuned, m.prior_sd)
+        for n, m in result.moved.items()
+        if not (m.explained_open if used else m.open)
+    }
+    completed = {n for n in moved if result.moved[n].completed}
     what = "The explanation needs" if used else "Re-tuning needs"
     why = (
         "They stand in for the force the equations lack and are no values of this vehicle."
         if result.model_form is not None
         else "As an account of this vehicle it is not to be believed."
     )
-    return f"{what} coefficients far from those stated ({told}). {why}"
+    told = out_of_reason(moved, completed)
+    said = [f"{what} coefficients far from those stated ({told}). {why}"] if told else []
+    if beside := completed_far(moved, completed):
+        said.append(f"{'It also needs' if told else what} {beside}")
+    return " ".join(said)
 
 
-def out_of_reason(moved: Mapping[str, tuple[float, float, float]]) -> str:
+def out_of_reason(
+    moved: Mapping[str, tuple[float, float, float]], completed: Collection[str] = frozenset()
+) -> str:
     """Coefficients far from where they were stated, the furthest first; empty where there are none.
 
     Parameters
     ----------
     moved : name -> value as given, value found, stated standard deviation
+    completed : those that the file does not state, which are not told here
     """
+    told = []
+    for name, sds in _far(moved).items():
+        given, found, _ = moved[name]
+        share = f", {100 * (found - given) / given:+.0f} %" if given else ""
+        if name not in completed:
+            told.append(f"{name} by {sds:.0f} times its stated uncertainty{share}")
+    return first_few(told, MOST_FAR)
+
+
+def completed_far(moved: Mapping[str, tuple[float, float, float]], completed: Collection[str]) -> str:
+    """The same of rows completed from the convention of a file: where they are found, and what it means.
+
+    The uncertainty of such a row is that of the added mass it was made of, and no statement on the row.
+    """
+    told = [
+        f"{name} {digits(moved[name][0], 3)} to {digits(moved[name][1], 3)}"
+        for name in _far(moved)
+        if name in completed
+    ]
+    if not told:
+        return ""
+    return (
+        "rows far from what added mass gives, which were completed from the convention of the file, not "
+        f"stated ({first_few(told, MOST_FAR)}). What they gain is no added mass; it stands for another "
+        "force of the same motion, as drag in a turn, that the file does not state."
+    )
+
+
+def _far(moved: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
+    """Coefficients out of reason and by how many stated standard deviations, the furthest first."""
     far = {}
     for name, (given, found, sd) in moved.items():
         change = abs(found - given)
         sds = change / sd if sd > 0 and math.isfinite(sd) else 0.0
         if sds > FAR_OFF or (sds > UNLIKELY and change > MOST_CHANGED * abs(given) > 0.0):
             far[name] = sds
-    told = []
-    for name in sorted(far, key=lambda n: -far[n]):
-        given, found, _ = moved[name]
-        share = f", {100 * (found - given) / given:+.0f} %" if given else ""
-        told.append(f"{name} by {far[name]:.0f} times its stated uncertainty{share}")
-    return first_few(told, MOST_FAR)
+    return dict(sorted(far.items(), key=lambda item: -item[1]))

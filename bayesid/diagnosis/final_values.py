@@ -231,6 +231,7 @@ def _moved(
             float(explained.fit.par[stated.where[i]] / scale),
             _number(none.fit.sd[i] / abs(scale)),
             _number(known[name] / abs(scale)) if name in known else None,
+            name in model.vehicle.completed,
         )
     return out
 

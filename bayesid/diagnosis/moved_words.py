@@ -51,10 +51,9 @@ def moved_words(result: Result) -> tuple[str, ...]:
     for name in told[:MOST_MOVED]:
         m = result.moved[name]
         with_it = f", explained {_change(m.explained, m.given)}" if both else ""
-        out.append(
-            f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
-            f"stated uncertainty{with_it})"
-        )
+        far = f"{_stated_deviations(m):.1f} times its stated uncertainty"
+        of = "completed from the convention of the file, not stated" if m.completed else far
+        out.append(f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({of}{with_it})")
     return tuple(out)
 
 

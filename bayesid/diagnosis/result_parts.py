@@ -36,14 +36,17 @@ class Diagnosed:
 
 @dataclass(frozen=True)
 class Value:
-    """Estimate and standard deviation (Laplace); the 95 % interval of the draws where that is to be used."""
+    """Estimate, standard deviation (Laplace) and the 95 % interval to use."""
 
     value: float
     sd: float
     unit: str
     low95: Annotated[
         float | None,
-        About("Use low95 to high95, of the draws, where they are there; else value +- 1.96 sd."),
+        About(
+            "The 95 % interval to use, low95 to high95: of the draws where these count, else value +- 1.96 "
+            "sd; null where neither is known or the size is derived (then value +- 1.96 sd)."
+        ),
     ] = None
     high95: float | None = None
 
@@ -273,6 +276,9 @@ class Moved:
             "given, and in results of earlier versions."
         ),
     ] = None
+    completed: Annotated[
+        bool, About("Whether the vehicle file does not state it: it was completed from the convention.")
+    ] = False
 
     @property
     def deviations(self) -> float:

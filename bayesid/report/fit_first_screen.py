@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from bayesid.diagnosis.failed_checks import MOST_RUNS, out_of_reason
+from bayesid.diagnosis.failed_checks import MOST_RUNS, completed_far, out_of_reason
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run, whole_turns
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
@@ -135,11 +135,14 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
             f"With the coefficients found, the simulation of {first_few(lost, MOST_RUNS)} diverges: nothing "
             "can be predicted with them."
         )
-    if far := out_of_reason(_stated(found)):
+    moved, completed = _stated(found), found.vehicle.completed
+    if far := out_of_reason(moved, completed):
         out.append(
             f"Coefficients are found far from those stated ({far}): they stand in for something the "
             "equations or the data lack, and are no values of this vehicle."
         )
+    if beside := completed_far(moved, completed):
+        out.append(f"The fit needs {beside}")
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
         some = first_few((f"`{n}`" for n in left), 2, "; ")

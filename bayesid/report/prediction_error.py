@@ -24,10 +24,33 @@ PREDICTION_COLUMNS = (
 )
 
 
-def fit_percent(rms: float, readings: np.ndarray) -> float:
-    """100 (1 - rms error / standard deviation of the readings): 100 is perfect, 0 as good as their mean."""
+# Standard deviation of readings over that of their noise up to which a channel moves no more than its noise.
+HARDLY_MOVES = 2.0**0.5
+NO_FIT = (
+    "No fit [%] (–) of a channel that moves no more than its noise, as a depth that is held: it would set "
+    "the error against noise. Its rms error counts."
+)
+
+
+def hardly_moves(readings: np.ndarray, sigma: float) -> bool:
+    """Whether readings vary so little that what is left of them beside their noise is no larger than it."""
     spread = float(np.nanstd(readings))
-    return 100.0 * (1.0 - rms / spread) if spread > 0 else float("nan")
+    return spread == 0.0 or spread <= HARDLY_MOVES * sigma
+
+
+def fit_percent(rms: float, readings: np.ndarray, sigma: float) -> float:
+    """100 (1 - rms error / standard deviation of the readings): 100 is perfect, 0 as good as their mean; nan
+    where the channel hardly moves, by its noise `sigma`.
+    """
+    if hardly_moves(readings, sigma):
+        return float("nan")
+    return 100.0 * (1.0 - rms / float(np.nanstd(readings)))
+
+
+def no_fit_note(runs: Iterable[RunOutcome]) -> str:
+    """What a dash in `prediction_rows` stands for; empty where there is none."""
+    still = any(hardly_moves(run.readings[:, j], s) for run in runs for j, s in enumerate(run.sigma))
+    return NO_FIT if still else ""
 
 
 def prediction_rows(runs: Iterable[RunOutcome]) -> list[list[Any]]:
@@ -37,7 +60,7 @@ def prediction_rows(runs: Iterable[RunOutcome]) -> list[list[Any]]:
         for j, name in enumerate(run.channels):
             factor, unit = channel(name).shown
             pair = (float(run.rms_nominal[j]), float(run.rms_fitted[j]))
-            shares = [fit_percent(rms, run.readings[:, j]) for rms in pair]
+            shares = [fit_percent(rms, run.readings[:, j], float(run.sigma[j])) for rms in pair]
             rows.append([run.name, run.role, f"{name} [{unit}]", *(factor * rms for rms in pair), *shares])
     return rows
 
@@ -51,8 +74,8 @@ def prediction_numbers(runs: Iterable[RunOutcome]) -> list[dict[str, Any]]:
             nominal, fitted = float(run.rms_nominal[j]), float(run.rms_fitted[j])
             channels[name] = {
                 "rms_nominal": nominal, "rms_fitted": fitted,
-                "fit_nominal_percent": fit_percent(nominal, run.readings[:, j]),
-                "fit_percent": fit_percent(fitted, run.readings[:, j]),
+                "fit_nominal_percent": fit_percent(nominal, run.readings[:, j], float(run.sigma[j])),
+                "fit_percent": fit_percent(fitted, run.readings[:, j], float(run.sigma[j])),
             }  # fmt: skip
         found.append({"run": run.name, "manoeuvre": run.manoeuvre, "role": run.role, "channels": channels})
     return found

@@ -11,7 +11,7 @@ a list in turns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,10 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.model_form import depends_on_motion, form_rows, typical
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, term
+from bayesid.model.vehicles.vehicle import FINS
 
 Array = np.ndarray
 _ROWS = frozenset(t.name for t in TERMS)
@@ -64,10 +66,29 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
     return tuple(chosen)
 
 
-def with_form(model: Model, stated: GaussianPrior, form: ModelForm) -> GaussianPrior:
-    """Prior of the coefficients with a form: the stated ones first, wider; then its own unknowns."""
+def absent_fins(model: Model, logs: Iterable[RunData]) -> frozenset[str]:
+    """Fins of the equations that the vehicle does not have: its file has no row of them, no run moves them.
+
+    A 6-DOF model has bow planes whether or not the vehicle has.
+    """
+    there = {f.symbol for n in model.vehicle.coef for f in term(n).factors}
+    plans, names = [log.plan for log in logs], model.kernel.actuators
+    moved = {n for a, n in enumerate(names) if any(plan.levels[:, a].any() for plan in plans)}
+    return frozenset(n for n in names if n in FINS and n not in there and n not in moved)
+
+
+def with_form(
+    model: Model, stated: GaussianPrior, form: ModelForm, absent: frozenset[str] = frozenset()
+) -> GaussianPrior:
+    """Prior of the coefficients with a form: the stated ones first, wider; then its own unknowns.
+
+    Parameters
+    ----------
+    absent : fins that the vehicle does not have; no row of theirs is free
+    """
     wide = np.array([_row_sd(model, n, form) for n in stated.names])
     lacked = (n for n in form_rows(model, cubes_of_fins=True) if n not in stated.names)
+    lacked = (n for n in lacked if not absent & {f.symbol for f in term(n).factors})
     rows = tuple(n for n in lacked if _row_sd(model, n, form) > 0)
     added = GaussianPrior(
         rows,

@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
-from bayesid.diagnosis.data.model_form import ModelForm, frequency_start, with_form
+from bayesid.diagnosis.data.model_form import ModelForm, absent_fins, frequency_start, with_form
 from bayesid.diagnosis.data.outliers import Found, set_aside
 from bayesid.diagnosis.data.sampling import too_coarse
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
@@ -104,9 +104,14 @@ class DiagnosisProblem:
         """Coefficients of the vehicle within the prior of its file."""
         return self.coefficients if self.vehicle is None else self.vehicle
 
+    @property
+    def absent_fins(self) -> frozenset[str]:
+        """Fins of the equations that the vehicle does not have."""
+        return absent_fins(self.model, self.logs)
+
     def with_form(self, form: ModelForm) -> DiagnosisProblem:
         """The problem with a model form free in every hypothesis."""
-        free = with_form(self.model, self.stated, form)
+        free = with_form(self.model, self.stated, form, self.absent_fins)
         path = self.swinging(self.path, form, self.path_level)
         return replace(self, coefficients=free, form=form, vehicle=self.stated, path=path)
 

@@ -66,7 +66,8 @@ def lost_without_form(
     fitted = candidate.fit
     total = sum(fitted.equations[1:], fitted.equations[0])
     try:
-        without = posterior(_with_prior(problem, fitted.free, total, with_form(model, problem.stated, rest)))
+        prior = with_form(model, problem.stated, rest, problem.absent_fins)
+        without = posterior(_with_prior(problem, fitted.free, total, prior))
         return max(posterior(total).log_evidence - without.log_evidence, 0.0)
     except ModelError:
         return 0.0

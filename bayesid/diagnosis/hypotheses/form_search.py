@@ -119,7 +119,7 @@ class _Columns:
         planar = model.dof == 3
         roll = period if planar and any(resonates(e) for e in model.kernel.effects) else None
         largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll)
-        free = with_form(model, problem.stated, largest)
+        free = with_form(model, problem.stated, largest, problem.absent_fins)
         explanation = [model.effects[n] for n in best.effects if n in model.effects]
         for effect in explanation:
             if not any(effect.key(p.name) in free.names for p in effect.parameters):
@@ -162,7 +162,7 @@ class _Columns:
     def _columns(self, form: ModelForm) -> tuple[Array, Array]:
         """Columns of a smaller form, and every prior sd over that of the largest."""
         model = self._problem.model
-        wanted = with_form(model, self._problem.stated, form)
+        wanted = with_form(model, self._problem.stated, form, self._problem.absent_fins)
         size = {n: s for n, s in zip(wanted.names, wanted.sd, strict=True) if n not in self._named}
         own = {e.key(p.name) for e in form_effects(model, self._largest) for p in e.parameters} - self._named
         keep, scale = [], np.ones(len(self._free.names))

@@ -168,7 +168,8 @@ RULES: tuple[Rule, ...] = (
         NONE_SURE,
         lambda f: f.effects > 1 and f.sure == 0,
         "ambiguous", "rivals", "all",
-        f"several effects explain most together, and none of them acts with {NAMING_PROBABILITY:.0%}",
+        f"several effects explain most together, and none of them both acts with {NAMING_PROBABILITY:.0%} "
+        "and passes what else a name asks for",
     ),
     Rule(
         "one sure beside a model form",

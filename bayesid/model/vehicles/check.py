@@ -16,6 +16,7 @@ from bayesid.model.propulsion import MODELS
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.stability import Stability, self_propulsion_speed, stability
+from bayesid.model.vehicles.units_check import added_mass_out_of_proportion, speed_far_from_stated
 from bayesid.model.vehicles.vehicle import GRAVITY, Vehicle, coef_si
 
 #: rows whose sign is known for any body that is damped, of inertia, or steered as the convention says
@@ -70,7 +71,7 @@ class Finding:
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Findings on signs, inertia, stability, potential flow, propulsion and priors; may be empty."""
     found = [Finding("warning", text) for text in mass_problems(vehicle)]
-    for part in (_size, _inertia, _signs, _fins, _propulsion, _weight):
+    for part in (_size, _added_mass, _inertia, _signs, _fins, _propulsion, _weight):
         found += part(vehicle)
     with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
         found += _stability(stability(vehicle))
@@ -99,6 +100,12 @@ def _size(vehicle: Vehicle) -> list[Finding]:
                 )
             )
     return found
+
+
+def _added_mass(vehicle: Vehicle) -> list[Finding]:
+    """Added mass that hardly any body has: numbers in other units than the file states."""
+    found = added_mass_out_of_proportion(vehicle)
+    return [] if found is None else [Finding("warning", *found)]
 
 
 def _fins(vehicle: Vehicle) -> list[Finding]:
@@ -166,6 +173,8 @@ def _propulsion(vehicle: Vehicle) -> list[Finding]:
         if abs(speed / stated - 1.0) > 0.01:
             text = f"runs at {speed:.4g} m/s at rpm_ref while u_c is {stated:.4g} m/s; a + b + c should be 0"
             found.append(Finding("warning", text))
+    if text := speed_far_from_stated(vehicle, speed):
+        found.append(Finding("warning", text))
     lengths = speed / vehicle.L
     if not 0.005 < lengths < 5.0:
         text = f"reference speed {speed:.4g} m/s is {lengths:.3g} lengths per second, outside 0.005 to 5"

@@ -160,8 +160,10 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         "sources": read_sources(TomlTable(data.get("sources", {}), "sources", problems), coef, dialect),
     }
     problems += ship_problems(values["propulsion"].model, values["planar_only"], coef)
+    stated = set(coef)
     for name in read_conversions(head):
         coef, prior = converted(CONVERSIONS[name], coef, prior)
+    values["completed"] = tuple(name for name in coef if name not in stated)
     if not problems:
         vehicle = Vehicle(coef=coef, prior=prior, **values)
         problems += mass_problems(vehicle)
