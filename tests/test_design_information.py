@@ -100,6 +100,7 @@ def vertical(names: tuple[str, ...]) -> list[int]:
     return [i for i, n in enumerate(names) if not term(n).planar and "p" not in term(n).regressor]
 
 
+@pytest.mark.thorough
 def test_level_motion_tells_nothing_of_the_vertical_plane(deep: PlanningCase) -> None:
     model, known = deep.model, deep.knowledge
     flat = model.nominal.copy()

@@ -97,6 +97,7 @@ def test_rudders_of_the_right_sign_are_no_mistake(zigzags):
     assert check_trial(zigzags, model_of(zigzags)).findings == ()
 
 
+@pytest.mark.thorough
 def test_rudders_of_the_opposite_sign_are_told_with_their_mend(zigzags):
     wrong = turned(zigzags, ("delta_1_cmd", "delta_2_cmd"))
     (found,) = check_trial(wrong, model_of(wrong)).findings
@@ -190,6 +191,7 @@ def test_fins_that_are_no_twins_have_no_common_effect(zigzags):
     assert "delta_1_lag" in named and not any(name.startswith("twin") for name in named)
 
 
+@pytest.mark.thorough
 def test_a_vehicle_with_two_rudders_that_are_not_alike_is_not_said_to_have_none(tmp_path):
     file = tmp_path / "launch.toml"
     file.write_text(LAUNCH)

@@ -40,6 +40,7 @@ def at_its_own_parameters(problem, found):
     return found.fit.log_evidence - posterior(total.pick(np.arange(k))).log_evidence
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("vehicle", MULTIPLIED)
 def test_a_drag_that_multiplies_a_coefficient_is_worth_along_its_path_what_the_fit_without_it_tells(vehicle):
     """Coefficients 10 % uncertain and half more drag: the coefficient goes five of its deviations instead."""

@@ -99,6 +99,7 @@ def test_one_level_for_both_instruments_would_halve_the_drift_of_the_position():
     assert own[1] > tied[1] + 20.0
 
 
+@pytest.mark.thorough
 def test_depth_counts_as_position_where_nothing_else_is_said():
     path = path_of(0.6, 0.0)
     tied = NoiseModel(tuple(1e-6 * force_unit(MODEL)), SLOW, 0.4, SLOW)
@@ -143,6 +144,7 @@ def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
     assert 0.5 < noise_model.drift_tau / tau < 2.0
 
 
+@pytest.mark.thorough
 def test_a_depth_only_the_manoeuvres_log_is_measured_there():
     """Straight runs without depth say nothing about its error; a run with depth then adds an unknown."""
     log = straight(0.3, 0.0, samples=100)[0]

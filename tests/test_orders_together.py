@@ -150,6 +150,7 @@ def test_orders_of_rudder_and_shaft_are_those_of_each_and_back(ferry):
     assert measured["delta_r"] == pytest.approx(t - 0.1)
 
 
+@pytest.mark.thorough
 def test_a_rudder_ordered_by_its_own_name_is_ordered_alone(ferry):
     both = {"delta_r_cmd": 0.1, "delta_1_cmd": 0.2}
     assert spread(ferry, both) == both | {"delta_2_cmd": 0.1}
@@ -279,6 +280,7 @@ def test_a_table_of_fins_alone_keeps_the_named_shafts_turning(ferry, tmp_path):
     assert run.data["u"][-1] == pytest.approx(self_propulsion_speed(ferry, 600.0), rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_predicted_turn_is_measured_by_the_rudders_of_the_vehicle(ferry):
     """Of a vehicle that is known exactly the prediction is the simulation."""
     model = build_model(ferry, 3)

@@ -236,6 +236,7 @@ def test_none_where_parameters_are_tied_or_the_vehicle_cannot_follow():
         assert inside.all() and problem.cost(found) < np.inf
 
 
+@pytest.mark.thorough
 def test_fit_trial_hands_it_the_runs_that_are_fitted():
     model, trial, truth = trial_of(6)
     held = replace(trial, runs=(trial.runs[0], replace(trial.runs[1], role="holdout")))

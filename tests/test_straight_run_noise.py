@@ -95,6 +95,7 @@ def test_unknowns_integrated_out_leave_the_evidence_as_it_was():
     assert posterior(some).mean == pytest.approx(posterior(whole).mean[:4], abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
     log = straight("disturbance", 1)
     path = linearise(

@@ -145,6 +145,7 @@ def test_their_own_limit_is_that_of_the_planes():
     assert bounds.plane == pytest.approx(np.radians(12.0))
 
 
+@pytest.mark.thorough
 def test_a_run_in_which_they_move_is_no_straight_one():
     """Though no rudder and no stern plane moves: these the vehicle has not."""
     auv = with_fins(X)
