@@ -16,6 +16,7 @@ from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial, load_trial, window
+from bayesid.trials.consistency import check_rudder
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
 from bayesid.trials.kinematics.blocks import Blocks, middle
@@ -556,3 +557,17 @@ def test_what_the_study_plants_as_harmless_leaves_the_motion_and_says_what_it_st
     assert stamps.min() >= 0.0 and stamps.max() < 0.1
     rounded = logged(trial, rows["stamps rounded down"], 0).runs[0].t
     assert np.allclose(np.diff(rounded), 0.1)
+
+
+def test_the_sign_of_the_rudder_is_seen_where_every_other_heading_is_empty():
+    """As where channels of other rates share the file; speeds astern and unknown ones included."""
+    whole = weave()
+    odd = np.arange(whole.n_samples) % 2 == 1
+    thin = {name: np.where(odd, np.nan, values) for name, values in whole.data.items()}
+    turned = {name: -values for name, values in whole.commands.items()}
+    assert check_rudder(whole).t_value < -6.0 and check_rudder(replace(whole, data=thin)).t_value < -6.0
+    assert check_rudder(replace(whole, data=thin, commands=turned)).t_value > 6.0
+    unknown = np.full(whole.n_samples, np.nan)
+    assert check_rudder(replace(whole, data=thin | {"u": unknown})).t_value < -6.0
+    assert check_rudder(replace(whole, data=thin | {"u": -thin["u"]})) is None
+    assert check_rudder(replace(whole, data=thin | {"psi": unknown})) is None

@@ -169,9 +169,15 @@ def check_rudder(run: Run) -> RudderCheck | None:
     series = run.data.get("psi", run.data.get("r"))
     if rudder is None or series is None or np.ptp(rudder) < 2 * _DEG:
         return None
-    if "u" in run.data and np.nanmedian(run.data["u"]) <= 0.0:
+    ahead = run.data.get("u", np.ones(0))
+    ahead = ahead[np.isfinite(ahead)]
+    if ahead.size and np.median(ahead) <= 0.0:
         return None
-    blocks = _Blocks(run.t, [series], 150, at_least=3)
+    read = np.isfinite(series)  # beside faster channels every other heading may be empty
+    if read.sum() < 2:
+        return None
+    series, rudder = series[read], rudder[read]
+    blocks = _Blocks(run.t[read], [series], 150, at_least=3)
     if blocks.span.size < 12:
         return None
     rate = (blocks.change(series) if "psi" in run.data else blocks.integral(series)) / blocks.span

@@ -60,7 +60,10 @@ def _sway(run: Run) -> float | None:
     """Correlation of sway and turn; None where it is faint or the vehicle goes astern."""
     side = next((k for k in ("v", "v_water") if k in run.data), None)
     along = run.data.get("u", run.data.get("u_water"))
-    if side is None or along is None or not float(np.nanmedian(along)) > 0:
+    if side is None or along is None:
+        return None
+    known = along[np.isfinite(along)]
+    if not known.size or not float(np.median(known)) > 0:
         return None
     if "r" in run.data:
         rate = run.data["r"]
