@@ -180,6 +180,7 @@ def _map(
     from bayesid.trials.importing.again import may_import_again
     from bayesid.trials.importing.in_place import needs_import
     from bayesid.trials.importing.named_actuators import Steering, steering_of
+    from bayesid.trials.importing.planes import pitches
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -196,8 +197,9 @@ def _map(
         raise ImportLogError(
             f"{map_file} is there already; carry it out with --map {map_file}, or delete it for a new one"
         )
-    steering = Steering() if vehicle is None else steering_of(load_vehicle(vehicle))
-    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering)
+    ship = None if vehicle is None else load_vehicle(vehicle)
+    steering, side = (Steering(), None) if ship is None else (steering_of(ship), pitches(ship))
+    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering, pitches=side)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
