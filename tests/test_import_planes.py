@@ -97,3 +97,18 @@ def test_a_log_of_the_plane_is_not_asked_for_planes(tmp_path):
 def test_which_way_positive_planes_pitch_a_vehicle_is_the_sign_of_its_moment():
     assert pitches(bayesid.load_vehicle("remus100")) == BOW_DOWN
     assert pitches(bayesid.load_vehicle("esso_osaka_mmg")) is None and pitches(with_fins(X)) is None
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("pitched", [False, True])
+def test_planes_that_hardly_move_are_degrees_where_nothing_pitches(tmp_path, dive, pitched):
+    """0.3 would be 17 degrees as radians: so much pitches a vehicle under way."""
+    log = log_of(tmp_path, dive, "pitch fin cmd [deg]", 0.03)
+    if not pitched:
+        rows = [line.split(",") for line in log.read_text().splitlines()]
+        k = rows[0].index("pitch [deg]")
+        log.write_text("\n".join(",".join([*r[:k], r[k] if not j else "0.5", *r[k + 1 :]])
+                                 for j, r in enumerate(rows)))  # fmt: skip
+        log.write_text(log.read_text().replace(",0.5,", ",0.4,", 1))
+    asked = propose([log], pitches=BOW_DOWN).map.questions
+    assert any("radians?" in text for text in asked) is pitched

@@ -67,7 +67,10 @@ def check_clocks(draft: Draft) -> None:
     step = max(1, int(0.5 / max(1e-3, float(np.median(np.diff(t))))))
     if t.size < 4 * step + 10:
         return
-    rate = (t[step:-step], (psi[2 * step :] - psi[: -2 * step]) / (t[2 * step :] - t[: -2 * step]))
+    span = t[2 * step :] - t[: -2 * step]
+    rate = (t[step:-step], (psi[2 * step :] - psi[: -2 * step]) / span)
+    whole = span < 2.0 * float(np.median(span))
+    rate = (rate[0][whole], rate[1][whole])
     if "r" in label and label["r"] != label[heading]:
         _say_lag(draft, lag_of(rate, series["r"]), label["r"], "yaw rate", 0.3)
     place = next((r for r in ("latitude", "north", "x") if r in label), None)

@@ -20,6 +20,7 @@ from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
+from bayesid.trials.importing.planes import calm_as_degrees
 from bayesid.trials.importing.resting import rests
 from bayesid.trials.importing.roles import WORLD_WORDS
 from bayesid.trials.importing.tables import plain
@@ -414,7 +415,11 @@ def _rudder(draft: Draft) -> None:
                 )
         elif unit == "rad" and top > 1.6:
             draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")
-        elif unit == "deg" and 0.0 < top < 0.8 and not rests(draft, role):
+        elif (
+            unit == "deg"
+            and 0.0 < top < 0.8
+            and not (rests(draft, role) or calm_as_degrees(draft, role, top))
+        ):
             draft.ask(1, f"{role} {name} is labelled deg and stays within {top:.2g}; radians?")
     both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
     if not both:

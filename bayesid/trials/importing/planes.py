@@ -25,6 +25,7 @@ from bayesid.trials.importing.tables import plain
 from bayesid.words import first_few
 
 SURE_T = 5.0  # t of the pitch that follows the planes, from which their side is told
+LARGE, PITCHED = 10.0, 5.0  # deg: planes held so far pitch a vehicle under way by more than that
 MOST = 12  # recordings looked at
 _FIN = re.compile(r"\b(fins?|(stern|bow|hydro|dive|diving)? ?planes?|elevators?|flaps?|surfaces?|rudders?)\b")
 _ANGLES = (None, "deg", "rad", "gon", "%", "us_pwm")
@@ -84,13 +85,20 @@ def _like_a_fin(draft: Draft, channel: RawChannel) -> bool:
     return guess is None or not (draft.has(guess.role) or draft.has(f"{guess.role}_cmd"))
 
 
+def calm_as_degrees(draft: Draft, role: str, top: float) -> bool:
+    """Whether stern planes that reach `top` are degrees: as radians they would have pitched the vehicle."""
+    if role.removesuffix("_cmd") != "delta_s" or math.degrees(top) < LARGE or not draft.has("theta"):
+        return False
+    return not _dives(draft)
+
+
 def _dives(draft: Draft) -> bool:
-    """Whether the pitch follows more than noise and trim: by 5 degrees within a recording."""
+    """Whether the pitch follows more than noise and trim: by `PITCHED` within a recording."""
     for recording in draft.recordings[:MOST]:
         run = common_run(draft.map, recording)
         theta = np.zeros(0) if run is None else run.data.get("theta", np.zeros(0))
         theta = theta[np.isfinite(theta)]
-        if theta.size > 20 and float(np.ptp(np.quantile(theta, (0.02, 0.98)))) > math.radians(5.0):
+        if theta.size > 20 and float(np.ptp(np.quantile(theta, (0.02, 0.98)))) > math.radians(PITCHED):
             return True
     return False
 

@@ -18,6 +18,7 @@ from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.arranging import arrange, sources_of
 from bayesid.trials.importing.assumed_units import ask_assumed_units, unknown_unit
 from bayesid.trials.importing.clock_agreement import ask_apart
+from bayesid.trials.importing.codes import leave_codes_out
 from bayesid.trials.importing.converting import Recording, resolve
 from bayesid.trials.importing.deciding import decide
 from bayesid.trials.importing.draft import Draft
@@ -98,6 +99,7 @@ def propose(
     for weight, text in doubts:
         draft.ask(weight, text)
     unused = _name(draft, recordings, steering)
+    leave_codes_out(draft)
     drop_constant(draft)
     _needs(draft, recordings, unused, steering.inputs)
     _declared_axes(draft, logs)
