@@ -75,7 +75,7 @@ def check_clocks(draft: Draft) -> None:
         _say_lag(draft, lag_of(rate, series["r"]), label["r"], "yaw rate", 0.3)
     place = next((r for r in ("latitude", "north", "x") if r in label), None)
     if place is not None and label[place] != label[heading]:
-        track = _best_shift(draft.map, recording, label[place])
+        track = _best_shift(draft.told, recording, label[place])
         if track is not None:
             draft.ask(
                 0,

@@ -23,6 +23,7 @@ from bayesid.trials.importing.other_axes import axes_that_fit
 from bayesid.trials.importing.planes import calm_as_degrees
 from bayesid.trials.importing.resting import rests
 from bayesid.trials.importing.roles import WORLD_WORDS
+from bayesid.trials.importing.speed_axes import ask_speed_axes, blames_the_heading
 from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.words import and_list
@@ -183,7 +184,8 @@ def _axes(draft: Draft) -> None:
     least = 15.0 * _DEG  # sideslip in turns to one side alone turns the direction by as much
     if draft.has("u", "v"):
         with_speed = speed_fit(draft.map, draft.liveliest)
-        if with_speed is not None and with_speed[1] < AGREES:
+        agrees = with_speed is not None and with_speed[1] < AGREES
+        if with_speed is not None and agrees and not blames_the_heading(draft, with_speed[2]):
             rotation, least = with_speed[2], 4.0 * _DEG
     else:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
@@ -283,6 +285,9 @@ def _speeds(draft: Draft) -> None:
     for role in ("u", "v", "w"):
         if draft.has(role) and not draft.stated[role]:
             draft.map = draft.change(role, unit="m/s")
+    if ask_speed_axes(draft):
+        draft.wrong_speeds = True
+        return
     if draft.has("v"):
         for_v = speed_fit(draft.map, draft.liveliest)
         turned = draft.change("v", scale=-draft.map.channels["v"].scale)
@@ -354,7 +359,8 @@ def _speeds(draft: Draft) -> None:
 
 def _current(draft: Draft) -> None:
     """Asks where the track drifts steadily away from what u and v integrate to."""
-    found = drift(draft.map, draft.liveliest) if draft.has("u", "v") else None
+    told = draft.has("u", "v") and not draft.wrong_speeds
+    found = drift(draft.map, draft.liveliest) if told else None
     if found is not None and found[0] > max(0.05 * found[2], 4.0 * found[1]):
         draft.ask(
             2,
@@ -424,7 +430,7 @@ def _rudder(draft: Draft) -> None:
     both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
     if not both:
         return
-    values = [t for t in (rudder_t(draft.map, r) for r in draft.recordings[:12]) if t is not None]
+    values = [t for t in (rudder_t(draft.told, r) for r in draft.recordings[:12]) if t is not None]
     pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
     said = {positive_side(draft.column(role)) for role in both} - {None}
     side = said.pop() if len(said) == 1 else None
