@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesid.model.units import scale
 from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
-from bayesid.trials.importing.clock_agreement import check_clocks
+from bayesid.trials.importing.clock_agreement import check_clocks, check_rudder_clock
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.names import APPARENT
@@ -47,6 +47,7 @@ def decide(draft: Draft) -> None:
     _speeds(draft)
     _current(draft)
     _depth(draft)
+    check_rudder_clock(draft)
     _rudder(draft)
     _revolutions(draft)
     _apparent_wind(draft)
@@ -428,7 +429,9 @@ def _rudder(draft: Draft) -> None:
         ):
             draft.ask(1, f"{role} {name} is labelled deg and stays within {top:.2g}; radians?")
     both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
-    if not both:
+    if draft.late and both:  # the side is told with the clock
+        draft.map = replace(draft.map, rudder_positive=draft.late[0].turns_to)
+    if not both or draft.late:
         return
     values = [t for t in (rudder_t(draft.told, r) for r in draft.recordings[:12]) if t is not None]
     pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
