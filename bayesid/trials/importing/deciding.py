@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.model.units import scale
 from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
+from bayesid.trials.importing.angle_units import decide_angle_units
 from bayesid.trials.importing.clock_agreement import check_clocks, check_rudder_clock
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
@@ -41,7 +42,7 @@ NEAR = 0.1  # a unit is told by a scale within this share
 
 def decide(draft: Draft) -> None:
     """All decisions, in an order in which each rests on those before."""
-    _angle_units(draft)
+    decide_angle_units(draft)
     _axes(draft)
     _rates(draft)
     _speeds(draft)
@@ -62,39 +63,6 @@ def decide(draft: Draft) -> None:
             f"its mirror "
             f'image: then set world = "enu"{rest}, rudder_positive = "{side}"',
         )
-
-
-def _angle_units(draft: Draft) -> None:
-    for role in ("psi", "heading", "course", "phi", "theta", "wind_from"):
-        if not draft.has(role) or draft.stated[role]:
-            continue
-        raw = draft.raw(role)
-        top = float(np.max(np.abs(raw))) if raw.size else 0.0
-        span = float(np.ptp(raw)) if raw.size else 0.0
-        unit = "deg" if top > 2 * math.pi + 0.3 else "rad"
-        draft.map = draft.change(role, unit=unit)
-        if role in ("psi", "heading") and unit == "rad":
-            other = draft.change(role, unit="deg")
-            as_rad, as_deg = (track_misfit(m, draft.liveliest)[0] for m in (draft.map, other))
-            if as_deg < CLEAR * as_rad:
-                draft.map = other
-            elif not as_rad < AGREES and span < 1.0:
-                draft.ask(
-                    2,
-                    f"heading {draft.column(role)} states no unit and stays within {span:.2g}; rad or deg? "
-                    f"(read as rad)",
-                )
-        elif role in ("phi", "theta") and unit == "rad":
-            if top > 1.4:
-                draft.map = draft.change(role, unit="deg")
-            else:
-                draft.ask(
-                    6,
-                    f"{role} {draft.column(role)} states no unit and stays within {top:.2g}; rad or deg? "
-                    f"(read as rad)",
-                )
-        elif role == "wind_from" and unit == "rad" and span < 3.0:
-            draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
 
 
 def _apparent_wind(draft: Draft) -> None:
