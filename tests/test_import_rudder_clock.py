@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesid.trials.importing import propose
-from bayesid.trials.importing.rudder_clock import left_without, rivals_of, rudder_shifts
+from bayesid.trials.importing.rudder_clock import left_without, rivals_of, rudder_shifts, sides_apart
 from tests.test_trial_import import DEG, zigzag_log
 
 LATE = 3.0
@@ -45,6 +45,15 @@ def test_a_clock_that_is_right_is_left():
     found = rudder_shifts([turns(begins=True, late=0.0)])
     assert found[0].is_lag and found[0].side == 1
     assert found[0].left == pytest.approx(left_without([turns(begins=True, late=0.0)]), rel=0.3)
+
+
+def test_runs_of_two_signs_have_each_their_side_and_late_ones_have_not():
+    zigzag, (turn, rate) = turns(begins=True, late=0.0), a_turn(late=0.0)
+    mixed = [zigzag, ((turn[0], -turn[1]), rate)]
+    left, sides = sides_apart(mixed)
+    assert sides == [1, -1] and left < 0.1 * rudder_shifts(mixed)[0].left
+    late = [turns(begins=True), a_turn()]
+    assert sides_apart(late)[0] > 2.0 * rudder_shifts(late)[0].left
 
 
 def asked_of(tmp_path, begins, late):

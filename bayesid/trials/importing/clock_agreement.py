@@ -16,7 +16,14 @@ from bayesid.trials.importing.agreement import lag_of, speed_fit, track_misfit
 from bayesid.trials.importing.converting import Recording, Series, convert, resolve
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
-from bayesid.trials.importing.rudder_clock import FOLLOWS, left_without, rivals_of, rudder_shifts
+from bayesid.trials.importing.rudder_clock import (
+    FOLLOWS,
+    left_without,
+    rivals_of,
+    rudder_shifts,
+    sides_apart,
+)
+from bayesid.words import first_few
 
 MOST = 12  # recordings whose turns are held against the rudder
 
@@ -93,12 +100,13 @@ def check_rudder_clock(draft: Draft) -> None:
     rudder = next((r for r in ("delta_r_cmd", "delta_r") if r in label), None)
     if heading is None or rudder is None or label[rudder] == label[heading]:
         return
-    pairs = []
+    pairs, files = [], []
     for recording in draft.recordings[:MOST]:
         series, _, _ = convert(draft.map, recording)
         rate = series.get("r") or _rate_of(series)
         if rudder in series and rate is not None and rate[0].size and series[rudder][0].size:
             pairs.append((series[rudder], rate))
+            files.append(Path(recording.logs[label[rudder]].path).name)
     if not pairs:
         return
     found = rudder_shifts(pairs)
@@ -111,9 +119,31 @@ def check_rudder_clock(draft: Draft) -> None:
         return
     best = found[0]
     as_it_is = left_without(pairs)
+    apart, sides = sides_apart(pairs)
+    if apart < 0.8 * best.left and len({*sides} - {0}) > 1:  # it explains more than any clock does
+        _ask_sides(draft, label[rudder], rudder, [files[k] for k in range(len(sides)) if sides[k] < 0],
+                   [files[k] for k in range(len(sides)) if sides[k] > 0], (apart, best.left))  # fmt: skip
+        return
     if best.left < 0.8 * as_it_is and not best.is_lag:
         draft.late = [best, *rivals_of(found)]
         _ask_rudder_clock(draft, label[rudder], as_it_is)
+
+
+def _ask_sides(
+    draft: Draft,
+    label: str,
+    rudder: str,
+    to_port: list[str],
+    to_starboard: list[str],
+    left: tuple[float, float],
+) -> None:
+    draft.ask(
+        0,
+        f"positive {draft.column(rudder)} turns to starboard in {first_few(to_starboard, 4)} and to port in "
+        f"{first_few(to_port, 4)} ({100 * left[0]:.2g} % of the turns unexplained; with one side, and any "
+        f"shift of the clock of {label}, at least {100 * left[1]:.2g} %): were some logged with the other "
+        "sign? a map has one `rudder_positive`; turn the sign in those files, or import them apart",
+    )
 
 
 def _ask_rudder_clock(draft: Draft, label: str, as_it_is: float) -> None:

@@ -105,7 +105,9 @@ def _dives(draft: Draft) -> bool:
 
 def _side(draft: Draft, role: str, side: float) -> None:
     values = [t for t in (_pitch_t(draft.map, r) for r in draft.recordings[:MOST]) if t is not None]
-    pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
+    if not values:  # planes that hardly move
+        return
+    pooled = sum(values) / math.sqrt(len(values))
     name = draft.column(role)
     if abs(pooled) < SURE_T:
         draft.remark(

@@ -82,6 +82,23 @@ def left_without(pairs: Sequence[tuple[Series, Series]]) -> float:
     return float(np.min(left) / power[0])
 
 
+def sides_apart(pairs: Sequence[tuple[Series, Series]]) -> tuple[float, list[int]]:
+    """(share of the turns unexplained if each run has a side of its own, those sides) on the clocks as they
+    are; 0 for a run that does not tell its side plainly."""
+    left = power = 0.0
+    sides = []
+    for rudder, rate in pairs:
+        one = _left_of(rudder, rate, np.zeros(1))
+        if one is None or not one[1][0] > 0.0:
+            sides.append(0)
+            continue
+        each = np.min(one[0][:, :, 0], axis=1)
+        left, power = left + float(each.min()), power + float(one[1][0])
+        plain = each.min() < min(FOLLOWS * float(one[1][0]), float(each.max()) / RIVAL)
+        sides.append((1 if each[0] < each[1] else -1) if plain else 0)
+    return (left / power if power else 1.0), sides
+
+
 def rivals_of(found: Sequence[Shift]) -> list[Shift]:
     """Shifts that explain the turns nearly as well as the best, which is the first."""
     best = found[0]
