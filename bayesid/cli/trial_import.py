@@ -45,7 +45,10 @@ OwnMap = Annotated[
     ),
 ]
 Named = Annotated[
-    str | None, typer.Option("--vehicle", help="Built-in name or vehicle file, for a proposed map.")
+    str | None,
+    typer.Option(
+        "--vehicle", help="Built-in name or vehicle file, for a map that is proposed or names none there is."
+    ),
 ]
 
 
@@ -180,6 +183,7 @@ def _map(
     from bayesid.trials.importing.again import may_import_again
     from bayesid.trials.importing.in_place import needs_import
     from bayesid.trials.importing.named_actuators import Steering, steering_of
+    from bayesid.trials.importing.planes import pitches
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -190,14 +194,16 @@ def _map(
         mend = f". To correct this import, edit {own} and give --map {own}" if imported else ""
         raise ImportLogError(f"{out}: holds a trial already; choose another folder or delete it{mend}")
     if map_file is not None:
-        return read_map(map_file), map_file
+        found = read_map(map_file)
+        return (found if vehicle is None else _with_vehicle(found, map_file, vehicle, out)), map_file
     map_file = out / "map.toml"
     if map_file.exists():
         raise ImportLogError(
             f"{map_file} is there already; carry it out with --map {map_file}, or delete it for a new one"
         )
-    steering = Steering() if vehicle is None else steering_of(load_vehicle(vehicle))
-    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering)
+    ship = None if vehicle is None else load_vehicle(vehicle)
+    steering, side = (Steering(), None) if ship is None else (steering_of(ship), pitches(ship))
+    proposal = propose(sources, _vehicle(vehicle, out), _name_of(out), steering=steering, pitches=side)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -312,6 +318,41 @@ def _vehicle(vehicle: str | None, out: Path) -> str:
     if not (out / "vehicle.toml").exists():
         copy_vehicle(Path(vehicle), out)
     return "vehicle.toml"
+
+
+def _with_vehicle(found: LogMap, map_file: Path, vehicle: str, out: Path) -> LogMap:
+    """The map with the vehicle given, where its own does not exist; what is read is said.
+
+    Raises
+    ------
+    VehicleError               there is none of the name given, or its file cannot be read
+    """
+    from dataclasses import replace
+
+    from bayesid.cli.output import print_text
+    from bayesid.model.vehicles import builtin_names, load_vehicle
+
+    load_vehicle(vehicle)
+    beside = map_file.parent / found.vehicle
+    there = bool(found.vehicle) and (found.vehicle in builtin_names() or beside.is_file())
+    same = (
+        found.vehicle == vehicle
+        if vehicle in builtin_names()
+        else beside.resolve() == Path(vehicle).resolve()
+    )
+    if there and same:
+        return found
+    if there:
+        print_text(
+            f"The map names the vehicle {found.vehicle!r}, which is read, and not {vehicle!r}; to take that, "
+            f"edit `vehicle` in {map_file}."
+        )
+        return found
+    why = f"is not beside it ({found.vehicle!r})" if found.vehicle else "is not named"
+    print_text(f"The vehicle of the map {why}: {vehicle!r} is read, as given by --vehicle.")
+    own = vehicle if vehicle in builtin_names() else _vehicle(vehicle, out)
+    given = own if own == vehicle else str((out / own).resolve())
+    return replace(found, vehicle=given)
 
 
 def _say(proposal: Proposal, out: Path, with_questions: bool = True) -> None:

@@ -17,12 +17,20 @@ from bayesid.trials.importing.converting import Recording, at_times, convert
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.trial import Floats, Run
 
+GAP = 5.0  # usual steps of a series, from which nothing is known between two readings
 MOST = 20_000  # samples of the common time base
 _ANGLES = ("psi", "phi", "theta")
 
 
-def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = ()) -> Run | None:
-    """All series of a recording on one time base, or None where they do not overlap."""
+def common_run(
+    found: LogMap, recording: Recording, without: tuple[str, ...] = (), bridged: bool = True
+) -> Run | None:
+    """All series of a recording on one time base, or None where they do not overlap.
+
+    Parameters
+    ----------
+    bridged : whether a series goes on straight through a gap of its readings; else it holds nothing there
+    """
     try:
         series, _, _ = convert(found, recording)
     except BayesidError:
@@ -49,6 +57,8 @@ def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = (
             inputs[name] = _filled(at_times(one, t))
         else:
             data[name] = at_times(one, t, name in _ANGLES)
+            if not bridged:
+                data[name] = np.where(in_gaps(one, t), np.nan, data[name])
     data = {
         k: unwrap(v) if k in _ANGLES else v
         for k, v in data.items()
@@ -59,6 +69,17 @@ def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = (
         commands={k: v for k, v in inputs.items() if k.endswith("_cmd")},
         measured_inputs={k: v for k, v in inputs.items() if not k.endswith("_cmd")},
     )  # fmt: skip
+
+
+def in_gaps(series: tuple[Floats, Floats], t: Floats) -> np.ndarray:
+    """Times between two readings much farther apart than most of the series are."""
+    own = np.sort(series[0][np.isfinite(series[1])])
+    if own.size < 3:
+        return np.zeros(t.shape, dtype=bool)
+    step = np.diff(own)
+    usual = max(float(np.median(step)), float(np.quantile(step, 0.9)))  # readings may come in bursts
+    at = np.clip(np.searchsorted(own, t, side="right") - 1, 0, own.size - 2)
+    return (step[at] > GAP * usual) & (t > own[at]) & (t < own[at + 1])
 
 
 def held(series: tuple[Floats, Floats], t: Floats) -> Floats:
@@ -75,7 +96,7 @@ def _filled(values: Floats) -> Floats:
 
 def track_misfit(found: LogMap, recording: Recording) -> tuple[float, float]:
     """(share of the track that the direction of the heading leaves unexplained, its rotation [rad])."""
-    run = common_run(found, recording, without=("u", "v", "w", "u_water", "v_water"))
+    run = common_run(found, recording, ("u", "v", "w", "u_water", "v_water"), bridged=False)
     check = None if run is None else check_track(run)
     return (1.0, 0.0) if check is None else (check.misfit, check.rotation)
 
@@ -83,7 +104,7 @@ def track_misfit(found: LogMap, recording: Recording) -> tuple[float, float]:
 def speed_fit(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:
     """(track length over integrated velocity, misfit, rotation [rad]); v is taken as zero where it is
     missing."""
-    run = common_run(found, recording)
+    run = common_run(found, recording, bridged=False)
     if run is None or "u" not in run.data:
         return None
     if "v" not in run.data:
@@ -98,7 +119,7 @@ def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | N
 
     A current moves the track but not a speed through the water; over ground there is no such drift.
     """
-    run = common_run(found, recording)
+    run = common_run(found, recording, bridged=False)
     if run is None or not {"x", "y", "psi", "u", "v"} <= set(run.data):
         return None
     t, data = run.t, run.data
@@ -107,9 +128,11 @@ def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | N
         return None
     t, (x, y, psi, u, v) = t[good], (data[k][good] for k in ("x", "y", "psi", "u", "v"))
     velocity = (u + 1j * v) * np.exp(1j * psi)
+    whole = np.diff(t) <= GAP * np.median(np.diff(t))
     way = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))))
     knots = np.unique(np.linspace(0, t.size - 1, 41).astype(int))
-    moved, reckoned, span = (np.diff(a[knots]) for a in (x + 1j * y, way, t))
+    told = np.diff(np.concatenate(([0], np.cumsum(~whole)))[knots]) == 0
+    moved, reckoned, span = (np.diff(a[knots])[told] for a in (x + 1j * y, way, t))
     design = np.column_stack((reckoned, span))
     weights, _, rank, _ = np.linalg.lstsq(design, moved, rcond=None)
     if rank < 2:
@@ -123,14 +146,14 @@ def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | N
 
 def yaw_fit(found: LogMap, recording: Recording) -> tuple[float, float] | None:
     """(heading change over the integral of r, share explained)."""
-    run = common_run(found, recording)
+    run = common_run(found, recording, bridged=False)
     check = None if run is None else check_yaw(run)
     return None if check is None else (check.scale, check.explained)
 
 
 def rudder_t(found: LogMap, recording: Recording) -> float | None:
     """t value of the turn that follows the rudder; negative if positive rudder turns to port."""
-    run = common_run(found, recording)
+    run = common_run(found, recording, bridged=False)
     check = None if run is None else check_rudder(run)
     return None if check is None else check.t_value
 
@@ -147,8 +170,11 @@ def lag_of(
     if n < 50:
         return None
     grid = low + step * np.arange(n)
-    a, b = (np.nan_to_num(at_times(s, grid)) for s in (first, second))
-    a, b = a - a.mean(), b - b.mean()
+    a, b = (np.where(in_gaps(s, grid), np.nan, at_times(s, grid)) for s in (first, second))
+    known = np.isfinite(a) & np.isfinite(b)
+    if known.sum() < 50:
+        return None
+    a, b = (np.where(np.isfinite(x), x - x[known].mean(), 0.0) for x in (a, b))
     if a.std() == 0 or b.std() == 0:
         return None
     size = 1 << (2 * n - 1).bit_length()
@@ -159,48 +185,3 @@ def lag_of(
     best = int(np.argmax(np.abs(values)))
     norm = float(np.sqrt(a @ a) * np.sqrt(b @ b))
     return float(shifts[best] * step), float((abs(values[best]) - abs(full[0])) / norm)
-
-
-def response_shift(
-    rudder: tuple[Floats, Floats], rate: tuple[Floats, Floats], longest: float = 40.0
-) -> tuple[float, float, float] | None:
-    """Shift of the rudder's clock at which the yaw rate follows it best as a first-order turn.
-
-    Returns
-    -------
-    (shift [s], time constant [s], residual power there over that without a shift); None if nothing follows
-
-    The shift is found on a grid of 1 s: what is left of a lag of servo and hull stays below it.
-    """
-    from scipy.signal import lfilter
-
-    low, high = max(rudder[0][0], rate[0][0]), min(rudder[0][-1], rate[0][-1])
-    longest = float(np.floor(min(longest, 0.25 * (high - low))))
-    low, high = low + longest, high - longest
-    step = max(0.25, (high - low) / 5000.0)
-    n = int((high - low) / step)
-    if n < 40 or longest < 2.0:
-        return None
-    grid = low + step * np.arange(n)
-    turn = at_times(rate, grid)
-    if not np.isfinite(turn).all() or np.ptp(turn) == 0.0:
-        return None
-    wide = np.arange(low - longest, high + longest, step)
-    whole = held(rudder, wide)
-    best: tuple[float, float, float] | None = None
-    at_zero = np.inf
-    for constant in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0):
-        a = np.exp(-step / constant)
-        followed = lfilter([1.0 - a], [1.0, -a], whole)
-        for shift in np.arange(-longest, longest + 0.5, 1.0):
-            column = np.interp(grid - shift, wide, followed)
-            design = np.column_stack((column, np.ones(n)))
-            weights, *_ = np.linalg.lstsq(design, turn, rcond=None)
-            left = float(np.sum((turn - design @ weights) ** 2))
-            if shift == 0.0:
-                at_zero = min(at_zero, left)
-            if best is None or left < best[2]:
-                best = (float(shift), constant, left)
-    if best is None or best[2] > 0.5 * float(np.sum((turn - turn.mean()) ** 2)):
-        return None
-    return best[0], best[1], best[2] / at_zero

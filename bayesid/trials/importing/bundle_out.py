@@ -58,7 +58,10 @@ def write_bundle(
     if vehicle.endswith(".toml"):
         beside = (map_file.parent if map_file else Path()) / vehicle
         if not beside.is_file():
-            raise ImportLogError(f"vehicle {vehicle!r} of the map does not exist beside it")
+            raise ImportLogError(
+                f"vehicle {vehicle!r} of the map does not exist beside it; put it there, or "
+                "give it by --vehicle"
+            )
         copy_vehicle(beside, folder)
         vehicle = "vehicle.toml"
     files = file_names(joined.run.name for joined in runs)

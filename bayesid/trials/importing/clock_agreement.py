@@ -5,16 +5,27 @@ Asks in a `Draft`; a clock is never changed here.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from bayesid.trials.importing.agreement import lag_of, response_shift, speed_fit, track_misfit
-from bayesid.trials.importing.converting import Recording, convert, resolve
+from bayesid.trials.importing.agreement import lag_of, speed_fit, track_misfit
+from bayesid.trials.importing.converting import Recording, Series, convert, resolve
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.rudder_clock import (
+    FOLLOWS,
+    left_without,
+    rivals_of,
+    rudder_shifts,
+    sides_apart,
+)
+from bayesid.words import first_few
+
+MOST = 12  # recordings whose turns are held against the rudder
 
 
 def ask_apart(draft: Draft) -> bool:
@@ -45,7 +56,7 @@ def _when(utc: float) -> str:
 
 
 def check_clocks(draft: Draft) -> None:
-    """Relative clocks of several files, and clocks that kinematics contradict."""
+    """Relative clocks of several files, and clocks that kinematics contradict, that of the rudder apart."""
     for recording in draft.recordings[:3]:
         if len(recording.logs) > 1 and recording.start is None:
             labels = ", ".join(recording.logs)
@@ -61,45 +72,115 @@ def check_clocks(draft: Draft) -> None:
         return
     label = {role: resolve(draft.map, role)[0] for role in draft.map.channels}
     heading = next(r for r in ("heading", "psi", "qw") if r in label)
-    t, psi = series["psi"]
-    good = np.isfinite(psi)
-    t, psi = t[good], np.unwrap(psi[good])
-    step = max(1, int(0.5 / max(1e-3, float(np.median(np.diff(t))))))
-    if t.size < 4 * step + 10:
+    rate = _rate_of(series)
+    if rate is None:
         return
-    rate = (t[step:-step], (psi[2 * step :] - psi[: -2 * step]) / (t[2 * step :] - t[: -2 * step]))
     if "r" in label and label["r"] != label[heading]:
         _say_lag(draft, lag_of(rate, series["r"]), label["r"], "yaw rate", 0.3)
     place = next((r for r in ("latitude", "north", "x") if r in label), None)
     if place is not None and label[place] != label[heading]:
-        track = _best_shift(draft.map, recording, label[place])
+        track = _best_shift(draft.told, recording, label[place])
         if track is not None:
             draft.ask(
                 0,
                 f"track and heading agree best with the clock of {label[place]} shifted by {track:+.0f} s "
                 f"(GPS and UTC differ by 18 s); set clock_offset in [sources.{label[place]}]",
             )
+
+
+def check_rudder_clock(draft: Draft) -> None:
+    """Whether the turns follow the rudder on another clock; `late` of the draft are the shifts that do.
+
+    A clock is that of all runs of its files: they are taken together.
+    """
+    if len(draft.liveliest.logs) < 2:
+        return
+    label = {role: resolve(draft.map, role)[0] for role in draft.map.channels}
+    heading = next((r for r in ("heading", "psi", "qw") if r in label), None)
     rudder = next((r for r in ("delta_r_cmd", "delta_r") if r in label), None)
-    if rudder is not None and label[rudder] != label[heading]:
-        turn = None
-        for other in (recording, *draft.recordings):
-            its = series if other is recording else convert(draft.map, other)[0]
-            turn = turn or (response_shift(its[rudder], its["r"]) if {rudder, "r"} <= set(its) else None)
-        if turn is None and "r" not in series:
-            turn = response_shift(series[rudder], rate)
-        if turn is None:
-            draft.ask(
-                3,
-                f"nothing tells whether the clock of {label[rudder]} is that of {label[heading]}: no turn "
-                f"follows the rudder plainly",
-            )
-        elif turn[2] < 0.8 and (turn[0] < -0.5 or turn[0] > 1.0 + turn[1]):
-            draft.ask(
-                0,
-                f"the turns follow the rudder best with the clock of {label[rudder]} shifted by "
-                f"{turn[0]:+.0f} s; set clock_offset in "
-                f"[sources.{label[rudder]}]",
-            )
+    if heading is None or rudder is None or label[rudder] == label[heading]:
+        return
+    pairs, files = [], []
+    for recording in draft.recordings[:MOST]:
+        series, _, _ = convert(draft.map, recording)
+        rate = series.get("r") or _rate_of(series)
+        if rudder in series and rate is not None and rate[0].size and series[rudder][0].size:
+            pairs.append((series[rudder], rate))
+            files.append(Path(recording.logs[label[rudder]].path).name)
+    if not pairs:
+        return
+    found = rudder_shifts(pairs)
+    if not found or found[0].left > FOLLOWS:
+        draft.ask(
+            3,
+            f"nothing tells whether the clock of {label[rudder]} is that of {label[heading]}: no turn "
+            f"follows the rudder plainly",
+        )
+        return
+    best = found[0]
+    as_it_is = left_without(pairs)
+    apart, sides = sides_apart(pairs)
+    if apart < 0.8 * best.left and len({*sides} - {0}) > 1:  # it explains more than any clock does
+        _ask_sides(draft, label[rudder], rudder, [files[k] for k in range(len(sides)) if sides[k] < 0],
+                   [files[k] for k in range(len(sides)) if sides[k] > 0], (apart, best.left))  # fmt: skip
+        return
+    if best.left < 0.8 * as_it_is and not best.is_lag:
+        draft.late = [best, *rivals_of(found)]
+        _ask_rudder_clock(draft, label[rudder], as_it_is)
+
+
+def _ask_sides(
+    draft: Draft,
+    label: str,
+    rudder: str,
+    to_port: list[str],
+    to_starboard: list[str],
+    left: tuple[float, float],
+) -> None:
+    draft.ask(
+        0,
+        f"positive {draft.column(rudder)} turns to starboard in {first_few(to_starboard, 4)} and to port in "
+        f"{first_few(to_port, 4)} ({100 * left[0]:.2g} % of the turns unexplained; with one side, and any "
+        f"shift of the clock of {label}, at least {100 * left[1]:.2g} %): were some logged with the other "
+        "sign? a map has one `rudder_positive`; turn the sign in those files, or import them apart",
+    )
+
+
+def _ask_rudder_clock(draft: Draft, label: str, as_it_is: float) -> None:
+    best, *rivals = draft.late
+    if not rivals:
+        draft.ask(
+            0,
+            f"the turns follow the rudder best with the clock of {label} shifted by {best.seconds:+.0f} s "
+            f"({100 * best.left:.2g} % of them unexplained, as it is {100 * as_it_is:.2g} %), and positive "
+            f"rudder then turns to {best.turns_to}; set clock_offset in [sources.{label}]",
+        )
+        return
+    told = [f"{s.seconds:+.0f} s (to {s.turns_to}, {100 * s.left:.2g} %)" for s in (best, *rivals[:3])]
+    draft.ask(
+        0,
+        f"the turns follow the rudder about as well with the clock of {label} shifted by "
+        f"{', '.join(told[:-1])} or {told[-1]} (side "
+        f"to which positive rudder then turns, share of the turns unexplained; as it is "
+        f"{100 * as_it_is:.2g} %): "
+        "what repeats itself, as a zig-zag, tells neither. Find the clock otherwise, as by a run that begins "
+        f"at rest or a turn; then set clock_offset in [sources.{label}] and rudder_positive",
+    )
+
+
+def _rate_of(series: Mapping[str, Series]) -> Series | None:
+    """Yaw rate of a heading, of pieces of a second in which no reading is missing."""
+    t, psi = series.get("psi", (np.zeros(0), np.zeros(0)))
+    good = np.isfinite(psi)
+    t, psi = t[good], np.unwrap(psi[good])
+    if t.size < 12:
+        return None
+    step = max(1, int(0.5 / max(1e-3, float(np.median(np.diff(t))))))
+    if t.size < 4 * step + 10:
+        return None
+    span = t[2 * step :] - t[: -2 * step]
+    whole = span < 2.0 * float(np.median(span))
+    return t[step:-step][whole], ((psi[2 * step :] - psi[: -2 * step]) / span)[whole]
 
 
 def _shifted(recording: Recording, label: str, by: float) -> Recording:

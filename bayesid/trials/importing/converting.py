@@ -91,11 +91,10 @@ def convert(
         except UnitError as error:
             problems.append(str(error))
             continue
-        values = (
-            series.values
-            if entry.scale == 1.0 and entry.offset == 0.0
-            else entry.scale * series.values + entry.offset
-        )
+        read = series.values
+        gone = np.isin(read, entry.missing) if entry.missing else np.zeros(0, dtype=bool)
+        read = np.where(gone, np.nan, read) if gone.any() else read
+        values = read if entry.scale == 1.0 and entry.offset == 0.0 else entry.scale * read + entry.offset
         if factor != 1.0:
             values = values * factor
         good = np.isfinite(series.t)
@@ -106,6 +105,8 @@ def convert(
             words.append(f"times {entry.scale:g}")
         if entry.offset != 0.0:
             words.append(f"plus {entry.offset:g}")
+        if gone.any():
+            words.append(f"{int(gone.sum())} of a code for no reading left out")
         origins[role] = Origin(
             (f"{label}:{name}",), ", ".join(words), int(np.isfinite(values).sum()), series.lost
         )

@@ -15,13 +15,16 @@ import numpy as np
 
 from bayesid.model.units import scale
 from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
-from bayesid.trials.importing.clock_agreement import check_clocks
+from bayesid.trials.importing.angle_units import decide_angle_units
+from bayesid.trials.importing.clock_agreement import check_clocks, check_rudder_clock
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
+from bayesid.trials.importing.planes import calm_as_degrees
 from bayesid.trials.importing.resting import rests
 from bayesid.trials.importing.roles import WORLD_WORDS
+from bayesid.trials.importing.speed_axes import ask_speed_axes, blames_the_heading
 from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.words import and_list
@@ -39,12 +42,13 @@ NEAR = 0.1  # a unit is told by a scale within this share
 
 def decide(draft: Draft) -> None:
     """All decisions, in an order in which each rests on those before."""
-    _angle_units(draft)
+    decide_angle_units(draft)
     _axes(draft)
     _rates(draft)
     _speeds(draft)
     _current(draft)
     _depth(draft)
+    check_rudder_clock(draft)
     _rudder(draft)
     _revolutions(draft)
     _apparent_wind(draft)
@@ -59,39 +63,6 @@ def decide(draft: Draft) -> None:
             f"its mirror "
             f'image: then set world = "enu"{rest}, rudder_positive = "{side}"',
         )
-
-
-def _angle_units(draft: Draft) -> None:
-    for role in ("psi", "heading", "course", "phi", "theta", "wind_from"):
-        if not draft.has(role) or draft.stated[role]:
-            continue
-        raw = draft.raw(role)
-        top = float(np.max(np.abs(raw))) if raw.size else 0.0
-        span = float(np.ptp(raw)) if raw.size else 0.0
-        unit = "deg" if top > 2 * math.pi + 0.3 else "rad"
-        draft.map = draft.change(role, unit=unit)
-        if role in ("psi", "heading") and unit == "rad":
-            other = draft.change(role, unit="deg")
-            as_rad, as_deg = (track_misfit(m, draft.liveliest)[0] for m in (draft.map, other))
-            if as_deg < CLEAR * as_rad:
-                draft.map = other
-            elif not as_rad < AGREES and span < 1.0:
-                draft.ask(
-                    2,
-                    f"heading {draft.column(role)} states no unit and stays within {span:.2g}; rad or deg? "
-                    f"(read as rad)",
-                )
-        elif role in ("phi", "theta") and unit == "rad":
-            if top > 1.4:
-                draft.map = draft.change(role, unit="deg")
-            else:
-                draft.ask(
-                    6,
-                    f"{role} {draft.column(role)} states no unit and stays within {top:.2g}; rad or deg? "
-                    f"(read as rad)",
-                )
-        elif role == "wind_from" and unit == "rad" and span < 3.0:
-            draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
 
 
 def _apparent_wind(draft: Draft) -> None:
@@ -182,7 +153,8 @@ def _axes(draft: Draft) -> None:
     least = 15.0 * _DEG  # sideslip in turns to one side alone turns the direction by as much
     if draft.has("u", "v"):
         with_speed = speed_fit(draft.map, draft.liveliest)
-        if with_speed is not None and with_speed[1] < AGREES:
+        agrees = with_speed is not None and with_speed[1] < AGREES
+        if with_speed is not None and agrees and not blames_the_heading(draft, with_speed[2]):
             rotation, least = with_speed[2], 4.0 * _DEG
     else:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
@@ -282,6 +254,9 @@ def _speeds(draft: Draft) -> None:
     for role in ("u", "v", "w"):
         if draft.has(role) and not draft.stated[role]:
             draft.map = draft.change(role, unit="m/s")
+    if ask_speed_axes(draft):
+        draft.wrong_speeds = True
+        return
     if draft.has("v"):
         for_v = speed_fit(draft.map, draft.liveliest)
         turned = draft.change("v", scale=-draft.map.channels["v"].scale)
@@ -353,7 +328,8 @@ def _speeds(draft: Draft) -> None:
 
 def _current(draft: Draft) -> None:
     """Asks where the track drifts steadily away from what u and v integrate to."""
-    found = drift(draft.map, draft.liveliest) if draft.has("u", "v") else None
+    told = draft.has("u", "v") and not draft.wrong_speeds
+    found = drift(draft.map, draft.liveliest) if told else None
     if found is not None and found[0] > max(0.05 * found[2], 4.0 * found[1]):
         draft.ask(
             2,
@@ -414,12 +390,18 @@ def _rudder(draft: Draft) -> None:
                 )
         elif unit == "rad" and top > 1.6:
             draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")
-        elif unit == "deg" and 0.0 < top < 0.8 and not rests(draft, role):
+        elif (
+            unit == "deg"
+            and 0.0 < top < 0.8
+            and not (rests(draft, role) or calm_as_degrees(draft, role, top))
+        ):
             draft.ask(1, f"{role} {name} is labelled deg and stays within {top:.2g}; radians?")
     both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
-    if not both:
+    if draft.late and both:  # the side is told with the clock
+        draft.map = replace(draft.map, rudder_positive=draft.late[0].turns_to)
+    if not both or draft.late:
         return
-    values = [t for t in (rudder_t(draft.map, r) for r in draft.recordings[:12]) if t is not None]
+    values = [t for t in (rudder_t(draft.told, r) for r in draft.recordings[:12]) if t is not None]
     pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
     said = {positive_side(draft.column(role)) for role in both} - {None}
     side = said.pop() if len(said) == 1 else None

@@ -12,6 +12,7 @@ import numpy as np
 
 from bayesid.trials.importing.converting import Recording, resolve
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.rudder_clock import Shift
 
 
 @dataclass
@@ -20,6 +21,8 @@ class Draft:
 
     by_part : series read by a part of their name -> their last word, where it stands for a unit not known
     resting : roles left out because they never change -> their value, in the log's unit
+    wrong_speeds : u and v contradict a track and a heading that agree, so that they tell nothing more
+    late : shifts of the rudder's clock at which the turns follow it, best first, where they do not as it is
     """
 
     map: LogMap
@@ -33,6 +36,14 @@ class Draft:
     mirror: bool = False
     by_part: dict[str, str | None] = field(default_factory=dict)
     resting: dict[str, float] = field(default_factory=dict)
+    wrong_speeds: bool = False
+    late: list[Shift] = field(default_factory=list)
+
+    @property
+    def told(self) -> LogMap:
+        """The map without speeds that are wrong, for what is told by the other series."""
+        wrong = {"u", "v"} if self.wrong_speeds else set()
+        return replace(self.map, channels={k: c for k, c in self.map.channels.items() if k not in wrong})
 
     def ask(self, weight: int, text: str) -> None:
         if text not in [t for _, t in self.asked]:

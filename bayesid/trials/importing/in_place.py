@@ -84,6 +84,11 @@ def needs_import(found: LogMap, sources: Sequence[Path]) -> list[str]:
             out.append(f"rows of one stamp in {label} are spread")
         elif options.offset or options.columns:
             out.append(f"{label} has no header" if options.columns else f"{label} has a clock_offset")
+    out += [
+        f"cells of {entry.source} hold a code for no reading"
+        for entry in found.channels.values()
+        if entry.missing
+    ]
     files = [run.files[0] for run in found.runs]
     if len(set(files)) < len(files):
         out.append("several runs are cut out of one file")

@@ -38,7 +38,7 @@ _SOURCE_KEYS = (
     "body",
 )
 LARGEST = sys.float_info.max
-_CHANNEL_KEYS = ("from", "unit", "scale", "offset")
+_CHANNEL_KEYS = ("from", "unit", "scale", "offset", "missing")
 _RUN_KEYS = ("name", "files", "window", "manoeuvre", "role", "notes")
 
 
@@ -54,12 +54,14 @@ class SourceMap:
 
 @dataclass(frozen=True)
 class ChannelMap:
-    """A role is `scale` times the number in the file plus `offset`, in `unit`."""
+    """A role is `scale` times the number in the file plus `offset`, in `unit`; `missing`: numbers in the file
+    that stand for no reading."""
 
     source: str
     unit: str | None = None
     scale: float = 1.0
     offset: float = 0.0
+    missing: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,14 @@ class _Reader:
         if not good or not all(_is_number(v) for v in value):
             self.problems.append(f"{place}{key} must be {count} numbers")
             return None
+        return tuple(float(v) for v in value)
+
+    def some_numbers(self, table: Mapping[str, Any], key: str, place: str) -> tuple[float, ...]:
+        value = table.get(key, [])
+        value = value if isinstance(value, list) else [value]
+        if not all(_is_number(v) for v in value):
+            self.problems.append(f"{place}{key} must be a number or a list of numbers")
+            return ()
         return tuple(float(v) for v in value)
 
     def texts(self, table: Mapping[str, Any], key: str, place: str) -> tuple[str, ...]:
@@ -305,6 +315,7 @@ class _Reader:
             unit,
             self.number(table, "scale", place, 1.0),
             self.number(table, "offset", place, 0.0),
+            self.some_numbers(table, "missing", place),
         )
 
     def run(self, k: int, table: Any) -> RunMap:

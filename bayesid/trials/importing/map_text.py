@@ -116,4 +116,6 @@ def _entry(role: str, entry: ChannelMap) -> str:
         parts.append(f"scale = {entry.scale!r}")
     if entry.offset != 0.0:
         parts.append(f"offset = {entry.offset!r}")
+    if entry.missing:
+        parts.append(f"missing = {list(entry.missing)}")
     return f"{role} = {{ {', '.join(parts)} }}"

@@ -90,10 +90,12 @@ PATTERNS: tuple[tuple[str, str], ...] = (
           r"(dvl|bt|bottom track) (vel(ocity)? )?(down|heave|vertical|w)"),
     ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
                 r"steer|steering|tiller|"
-                r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre|"
+                r"steering angle|(vertical|yaw) (fins?|planes?|rudders?)( angle)?|fins? (vertical|yaw)|"
+                r"rudder pos(ition)?|rudderangle|barre|"
                 r"ror(vinkel)?"),
-    ("delta_s", r"stern ?plane|stern ?planes|elevator|delta s|delta e|stern|horizontal fin|fin horizontal|"
-                r"hydroplane|"
+    ("delta_s", r"stern ?plane|stern ?planes|elevators?|delta s|delta e|stern|hydroplanes?|"
+                r"(horizontal|pitch|stern|dive|diving) ?(fins?|planes?|rudders?)( angle)?|"
+                r"fins? (horizontal|pitch)|tiefenruder|"
                 r"stern plane angle|stern ?plane pos(ition)?|elevator angle"),
     ("delta_b", r"bow ?plane|bow ?planes|delta b|bow plane angle|sail ?plane"),
     ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|"

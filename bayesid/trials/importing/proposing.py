@@ -18,6 +18,7 @@ from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.arranging import arrange, sources_of
 from bayesid.trials.importing.assumed_units import ask_assumed_units, unknown_unit
 from bayesid.trials.importing.clock_agreement import ask_apart
+from bayesid.trials.importing.codes import leave_codes_out
 from bayesid.trials.importing.converting import Recording, resolve
 from bayesid.trials.importing.deciding import decide
 from bayesid.trials.importing.draft import Draft
@@ -26,6 +27,7 @@ from bayesid.trials.importing.log_map import ChannelMap, LogMap
 from bayesid.trials.importing.lost_cells import ask_lost_cells
 from bayesid.trials.importing.named_actuators import Steering, all_of_one_kind, named_guess
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
+from bayesid.trials.importing.planes import ask_planes, series_of
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
 from bayesid.trials.importing.readers import read_log
 from bayesid.trials.importing.resting import UPRIGHT, drop_constant
@@ -64,6 +66,7 @@ def propose(
     vehicle: str = "",
     name: str = "",
     steering: Steering = NO_STEERING,
+    pitches: float | None = None,
 ) -> Proposal:
     """A map guessed from names, units and kinematics.
 
@@ -71,6 +74,7 @@ def propose(
     ----------
     steering : what the vehicle is steered by where that is no rudder; its columns are asked for, and series
         are read by the actuators in their names
+    pitches : of a vehicle with stern planes, as `planes.pitches`
 
     Raises
     ------
@@ -95,6 +99,7 @@ def propose(
     for weight, text in doubts:
         draft.ask(weight, text)
     unused = _name(draft, recordings, steering)
+    leave_codes_out(draft)
     drop_constant(draft)
     _needs(draft, recordings, unused, steering.inputs)
     _declared_axes(draft, logs)
@@ -102,6 +107,7 @@ def propose(
         pass  # nothing that kinematics says of such a recording is about the channels
     elif draft.map.channels:
         decide(draft)
+        ask_planes(draft, series_of(recordings, unused), pitches)
         ask_standing_still(draft)
         ask_stamps(draft)
         _ask_time(draft, logs)

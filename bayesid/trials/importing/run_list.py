@@ -20,10 +20,12 @@ from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import RunMap
 from bayesid.trials.importing.seen_motion import STRAIGHT, UNSTEERED, motion_words
 from bayesid.trials.trial import Floats, Run
+from bayesid.words import first_few
 
 AFTER = 0.25  # of a turn, for which its rudder stays amidships after it in a pull-out
 # Of a change of depth: how far a depth that is kept may be off; of a run: how long it is kept at least
 SETTLED, LEAST_STAY = 0.1, 0.15
+HELD_OUT = re.compile(r"hold[ _-]?out|held[ _-]?out", re.IGNORECASE)  # in names of files
 SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 
 
@@ -72,7 +74,16 @@ def list_runs(
             numbered = f"{len(runs) + 1:02d}_{name}"
             window = (round(piece.start - zero, 2), round(piece.end - zero, 2))
             runs.append(RunMap(_fresh(numbered, used), files, window, words))
-    if len(runs) >= 3:
+    named = {k for k, run in enumerate(runs) if any(HELD_OUT.search(file) for file in run.files)}
+    if named and len(named) < len(runs):
+        runs = [replace(run, role="holdout") if k in named else run for k, run in enumerate(runs)]
+        its = first_few([run.name for run in runs if run.role == "holdout"], 4)
+        verb = "is" if len(named) == 1 else "are"
+        draft.remark(
+            f"{its} {verb} held out to judge by, as the names of the files say; `role` of the runs in the "
+            "map chooses others"
+        )
+    elif len(runs) >= 3:
         last = max((k for k, run in enumerate(runs) if run.manoeuvre not in UNSTEERED), default=len(runs) - 1)
         runs[last] = replace(runs[last], role="holdout")
         later = any(run.manoeuvre not in (STRAIGHT, "") for run in runs[last + 1 :])
