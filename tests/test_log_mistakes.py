@@ -571,3 +571,18 @@ def test_the_sign_of_the_rudder_is_seen_where_every_other_heading_is_empty():
     assert check_rudder(replace(whole, data=thin | {"u": unknown})).t_value < -6.0
     assert check_rudder(replace(whole, data=thin | {"u": -thin["u"]})) is None
     assert check_rudder(replace(whole, data=thin | {"psi": unknown})) is None
+
+
+def test_velocities_in_earth_axes_are_turned_where_no_heading_was_read():
+    run = weave()
+    odd = np.arange(run.n_samples) % 2 == 1
+    turned = (run.data["u"] + 1j * run.data["v"]) * np.exp(1j * run.data["psi"])
+    wrapped = np.angle(np.exp(1j * run.data["psi"]))
+    earth = {"u": np.where(odd, turned.real, np.nan), "v": np.where(odd, turned.imag, np.nan)}
+    logged = replace(run, data=run.data | earth | {"psi": np.where(odd, np.nan, wrapped)})
+    body = apply(Correction(velocity_axes="earth"), logged)
+    for name in ("u", "v"):
+        told = np.isfinite(body.data[name])
+        assert told.sum() >= odd.sum() - 1 and not told[~odd].any()
+        # a heading between two readings is off by half the noise of either
+        assert np.max(np.abs(body.data[name] - run.data[name])[told]) < 5 * 0.006 * 1.5

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
+from bayesid.trials.kinematics.blocks import joined
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.true_wind import READINGS, TRUE, true_wind
 
@@ -123,7 +124,9 @@ def apply(correction: Correction, run: Run) -> Run:
     if correction.heading_from == "east" and "psi" in series:
         series["psi"] = math.pi / 2 - series["psi"]
     if correction.velocity_axes == "earth" and {"u", "v", "psi"} <= set(series):
-        body = (series["u"] + 1j * series["v"]) * np.exp(-1j * series["psi"])
+        # beside faster or slower channels, velocities stand where no heading was read
+        psi, known = joined(run.t, _unwrapped(series["psi"]))
+        body = (series["u"] + 1j * series["v"]) * np.exp(-1j * np.where(known, psi, np.nan))
         series["u"], series["v"] = body.real.copy(), body.imag.copy()
     for name, value in correction.offset.items():
         if name in series:
