@@ -116,6 +116,7 @@ def test_level_motion_tells_nothing_of_the_vertical_plane(deep: PlanningCase) ->
     assert np.max(contraction(known, matrix)[where]) > 0.5
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_rolls_in_a_turn_tells_something_of_it(deep: PlanningCase) -> None:
     """Why the test above has to hold the vehicle upright: roll tips yaw into pitch."""
     model, known = deep.model, deep.knowledge

@@ -340,6 +340,7 @@ def test_a_row_of_the_balance_may_not_shrink_together_with_its_noise(name):
     assert abs(cost(1.0, moment=1 / 0.6) - nominal) > 1.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [pytest.param("nps_auv2", marks=pytest.mark.slow), "generic_sub"])
 def test_maps_are_numbers_where_there_is_no_cross_flow_at_all(name):
     model = build_model(load_vehicle(name), 6)

@@ -110,6 +110,7 @@ def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
     assert np.mean([len(s) > 0 and abs(s[0] / BEAT - 1) < 0.02 for s in seen]) > 0.95
 
 
+@pytest.mark.thorough
 def test_ordinates_of_white_noise_have_the_mean_and_spread_of_their_gamma():
     log = straight("disturbance", 1)
     path = linearise(

@@ -24,6 +24,7 @@ def trial():
     return bayesid.simulate(SHIP, "turn:15,duration=60", "vzigzag:10/5,duration=60", noise={}, seed=1)
 
 
+@pytest.mark.thorough
 def test_the_rudder_of_a_check_is_what_the_fins_make_together(trial):
     turn, upright = trial_summary(trial, SHIP)["runs"]
     assert turn["rudder_of"] == upright["rudder_of"] == FINS
