@@ -73,7 +73,7 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal
 
 thorough: $(STAMP)
-	$(BIN)/python -m pytest -q -m thorough -n auto --maxprocesses 4 --dist worksteal
+	$(BIN)/python -m pytest -q -m "thorough and not slow" -n auto --maxprocesses 4 --dist worksteal
 
 test-posterior: $(STAMP)
 	$(BIN)/python -m pytest -q -m "not slow" -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)

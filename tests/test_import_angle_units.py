@@ -39,3 +39,19 @@ def test_a_heading_of_the_unit_it_states_is_not(tmp_path, label, size, placed):
     found = found_in(tmp_path, label, size, placed)
     assert not any("labelled" in text for text in found.questions)
     assert found.channels["heading"].unit == label
+
+
+@pytest.mark.parametrize("label", ["deg", "rad"])
+def test_a_weave_of_twenty_degrees_is_enough(tmp_path, label):
+    """So small a heading leaves only a tenth of the track unexplained in the wrong unit."""
+    t = 0.1 * np.arange(1800)
+    psi = np.radians(20.0) * np.sin(2 * np.pi * t / 30.0) + 0.5
+    rng, way = np.random.default_rng(4), np.cumsum(1.5 * np.exp(1j * psi)) * 0.1
+    columns = {
+        "t [s]": t, "north [m]": way.real + 0.05 * rng.standard_normal(t.size),
+        "east [m]": way.imag + 0.05 * rng.standard_normal(t.size), f"heading [{label}]": psi,
+        "rudder order [deg]": -10.0 * np.sign(np.cos(2 * np.pi * t / 30.0)), "rpm order": 900.0 + 0.0 * t,
+    }  # fmt: skip
+    found = propose([_table(tmp_path, {"t": t}, columns)]).map
+    labelled = [text for text in found.questions if "labelled" in text]
+    assert len(labelled) == (label == "deg") and found.channels["heading"].unit == "rad"

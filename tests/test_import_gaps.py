@@ -31,6 +31,8 @@ def test_a_known_code_is_found_where_it_is_no_reading(code):
     speed = np.random.default_rng(1).uniform(-0.2, 1.7, 500)
     speed[50:61] = code
     assert codes_in(speed) == [code]
+    kept = codes_in(speed.astype(np.float32))  # as a logger keeps it in 32 bits
+    assert kept == [pytest.approx(code, rel=1e-6)]
     assert codes_in(np.linspace(-1.5, 1.2, 500) * abs(code)) == []  # a number among others
 
 

@@ -27,6 +27,7 @@ def logs(tmp_path, *names):
 @pytest.mark.parametrize(
     ("names", "held_out", "why"),
     [
+        (("threshold_a", "b", "household_outing", "d"), {3}, "as the last run"),  # other words
         (("r1_holdout", "r2", "r3", "r4_Hold-Out", "r5"), {0, 3}, "as the names of the files say"),
         (("r1", "r2", "r3", "r4", "r5"), {4}, "as the last run"),
         (("holdout_1", "holdout_2", "holdout_3", "holdout_4"), {3}, "as the last run"),  # nothing to fit else

@@ -8,7 +8,7 @@ import pytest
 import bayesid
 from bayesid.trials.importing import propose
 from bayesid.trials.importing.names import guess_role
-from bayesid.trials.importing.planes import pitches
+from bayesid.trials.importing.planes import _FIN, pitches
 from bayesid.trials.importing.raw import RawChannel
 from tests.test_trial_import import _table
 from tests.test_x_stern import X, with_fins
@@ -112,3 +112,23 @@ def test_planes_that_hardly_move_are_degrees_where_nothing_pitches(tmp_path, div
         log.write_text(log.read_text().replace(",0.5,", ",0.4,", 1))
     asked = propose([log], pitches=BOW_DOWN).map.questions
     assert any("radians?" in text for text in asked) is pitched
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("period", [15.0, 30.0, 60.0])
+@pytest.mark.parametrize("vehicle", ["remus100", "lauv"])
+def test_slow_planes_which_the_pitch_follows_tell_their_side_too(tmp_path, vehicle, period):
+    """The righting moment lets pitch follow slow planes; its rate alone told the other side by 25 errors."""
+    t = 0.1 * np.arange(1200)
+    orders = tmp_path / "orders.csv"
+    rows = np.column_stack([t, 3.0 * np.sin(2 * np.pi * t / period)])
+    np.savetxt(orders, rows, delimiter=",", header="t[s],delta_s_cmd[deg]", comments="", fmt="%.6g")
+    run = bayesid.simulate(vehicle, f"table:{orders}", dof=6, noise={}, seed=1).runs[0]
+    right = propose([log_of(tmp_path, run, "stern plane cmd [deg]")], pitches=BOW_DOWN)
+    assert not about_planes(right) and any("lowers the bow" in text for text in right.remarks)
+    (asked,) = about_planes(propose([log_of(tmp_path, run, "elevator [deg]", -1.0)], pitches=BOW_DOWN))
+    assert "raises the bow" in asked and "scale = -1" in asked
+
+
+def test_a_distance_to_the_surface_is_no_control_surface():
+    assert _FIN.search("distance to surface") is None and _FIN.search("control surface") is not None

@@ -11,6 +11,7 @@ from unittest.mock import patch
 
 import pytest
 from golden_kernel import PATH, PUSH, golden_text
+from numba.core.errors import TypingError
 
 from bayesid.equations import KernelSpec, compiled
 from bayesid.equations.compiled import forgive
@@ -228,6 +229,13 @@ def test_a_process_waits_for_another_that_compiles_the_same_function_and_takes_i
         waits.wait(timeout=1.5)
     assert module.twice(3.0) == 6.0  # compiled, kept, and the turn is given
     assert waits.communicate(timeout=60)[0] == "1 0\n"
+    # nor is it kept where compiling fails
+    text = "from numba import njit\n@njit(cache=True)\ndef broken(x):\n    return x + 'no number'\n"
+    broken = _imported("failing", stored("failing", lambda: text))
+    forgive(broken)
+    with pytest.raises(TypingError):
+        broken.broken(1.0)
+    assert broken.broken._cache._turn._handle < 0
     # a turn ends with its process
     forgive(module)
     module.twice._cache._turn.take()

@@ -147,7 +147,7 @@ def an_outcome(depth, sigma=0.02):
     rms = np.array([1.9, 0.1])
     return SimpleNamespace(
         name="r7", manoeuvre="turn", role="holdout", channels=("z", "psi"), readings=readings,
-        sigma=np.array([sigma, 0.01]), rms_nominal=rms, rms_fitted=rms,
+        sigma=np.array([sigma, 0.01]), rms_nominal=rms, rms_fitted=rms, t=0.5 * np.arange(depth.size),
     )  # fmt: skip
 
 
@@ -162,4 +162,7 @@ def test_a_channel_that_moves_no_more_than_its_noise_has_a_dash_and_a_note_for_i
     assert np.isnan(numbers["z"]["fit_percent"]) and numbers["z"]["rms_fitted"] == 1.9
     dives = an_outcome(np.linspace(3.0, 4.0, 400))  # control: missed by more than it moves, and it moves
     assert prediction_rows([dives])[0][-1] == pytest.approx(-558, abs=5) and no_fit_note([dives]) == ""
-    assert np.isnan(fit_percent(0.1, np.ones(9), 0.0))
+    # a noise that is not stated is the error of the model: it makes no channel still that moves
+    badly = an_outcome(3.0 + np.sin(np.linspace(0.0, 12.0, 400)) + 0.02 * rng.standard_normal(400), sigma=1.9)
+    assert prediction_rows([badly])[0][-1] == pytest.approx(-170, abs=10) and no_fit_note([badly]) == ""
+    assert np.isnan(fit_percent(0.1, np.arange(9.0), np.ones(9), 0.0))

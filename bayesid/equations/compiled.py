@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import pickle
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -47,7 +48,17 @@ class _Forgiving(FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         with suppress(OSError):
             super().save_overload(sig, data)
-        self._turn.give()
+
+    def in_turn(self, compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """`compile` of the function, after which the turn is given, whether it came to an end or not."""
+
+        def compiled(sig: Any) -> Any:
+            try:
+                return compile_(sig)
+            finally:
+                self._turn.give()
+
+        return compiled
 
     def _kept(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -100,3 +111,4 @@ def forgive(module: ModuleType) -> None:
     for function in vars(module).values():
         if type(getattr(function, "_cache", None)) is FunctionCache:
             function._cache = _Forgiving(function.py_func)
+            function.compile = function._cache.in_turn(function.compile)

@@ -12,6 +12,7 @@ import numpy as np
 
 from bayesid.estimation.trial_fit import RunOutcome
 from bayesid.model.channels import channel
+from bayesid.trials.noise import rough_noise
 
 PREDICTION_COLUMNS = (
     "run",
@@ -32,24 +33,28 @@ NO_FIT = (
 )
 
 
-def hardly_moves(readings: np.ndarray, sigma: float) -> bool:
-    """Whether readings vary so little that what is left of them beside their noise is no larger than it."""
-    spread = float(np.nanstd(readings))
-    return spread == 0.0 or spread <= HARDLY_MOVES * sigma
+def hardly_moves(t: np.ndarray, readings: np.ndarray, sigma: float) -> bool:
+    """Whether readings vary so little that what is left of them beside their noise is no larger than it.
+
+    A noise that is not stated, `sigma` of a fit, is error of the model too: no more counts than fast changes
+    of the readings show.
+    """
+    spread, seen = float(np.nanstd(readings)), rough_noise(t, readings)
+    return spread == 0.0 or spread <= HARDLY_MOVES * (min(sigma, seen) if np.isfinite(seen) else sigma)
 
 
-def fit_percent(rms: float, readings: np.ndarray, sigma: float) -> float:
+def fit_percent(rms: float, t: np.ndarray, readings: np.ndarray, sigma: float) -> float:
     """100 (1 - rms error / standard deviation of the readings): 100 is perfect, 0 as good as their mean; nan
     where the channel hardly moves, by its noise `sigma`.
     """
-    if hardly_moves(readings, sigma):
+    if hardly_moves(t, readings, sigma):
         return float("nan")
     return 100.0 * (1.0 - rms / float(np.nanstd(readings)))
 
 
 def no_fit_note(runs: Iterable[RunOutcome]) -> str:
     """What a dash in `prediction_rows` stands for; empty where there is none."""
-    still = any(hardly_moves(run.readings[:, j], s) for run in runs for j, s in enumerate(run.sigma))
+    still = any(hardly_moves(run.t, run.readings[:, j], s) for run in runs for j, s in enumerate(run.sigma))
     return NO_FIT if still else ""
 
 
@@ -60,7 +65,7 @@ def prediction_rows(runs: Iterable[RunOutcome]) -> list[list[Any]]:
         for j, name in enumerate(run.channels):
             factor, unit = channel(name).shown
             pair = (float(run.rms_nominal[j]), float(run.rms_fitted[j]))
-            shares = [fit_percent(rms, run.readings[:, j], float(run.sigma[j])) for rms in pair]
+            shares = [fit_percent(rms, run.t, run.readings[:, j], float(run.sigma[j])) for rms in pair]
             rows.append([run.name, run.role, f"{name} [{unit}]", *(factor * rms for rms in pair), *shares])
     return rows
 
@@ -72,10 +77,11 @@ def prediction_numbers(runs: Iterable[RunOutcome]) -> list[dict[str, Any]]:
         channels = {}
         for j, name in enumerate(run.channels):
             nominal, fitted = float(run.rms_nominal[j]), float(run.rms_fitted[j])
+            sigma = float(run.sigma[j])
             channels[name] = {
                 "rms_nominal": nominal, "rms_fitted": fitted,
-                "fit_nominal_percent": fit_percent(nominal, run.readings[:, j], float(run.sigma[j])),
-                "fit_percent": fit_percent(fitted, run.readings[:, j], float(run.sigma[j])),
+                "fit_nominal_percent": fit_percent(nominal, run.t, run.readings[:, j], sigma),
+                "fit_percent": fit_percent(fitted, run.t, run.readings[:, j], sigma),
             }  # fmt: skip
         found.append({"run": run.name, "manoeuvre": run.manoeuvre, "role": run.role, "channels": channels})
     return found

@@ -161,8 +161,13 @@ def check_yaw(run: Run) -> YawCheck | None:
     return None if rank < 2 else YawCheck(float(scale), sd, float(bias), explained)
 
 
-def check_rudder(run: Run) -> RudderCheck | None:
+def check_rudder(run: Run, restored: bool = False) -> RudderCheck | None:
     """Fit r[k+1] = a r[k] + b delta + c over short blocks (a first-order turn) and return b and its t value.
+
+    Parameters
+    ----------
+    restored : with a moment against the angle itself, as the weight has against pitch: it follows slow planes
+        so closely that its rate alone would tell their sign the wrong way round
 
     None if rudder or heading is missing, the rudder hardly moves or the vehicle mostly goes astern."""
     rudder = run.input("delta_r")
@@ -188,11 +193,14 @@ def check_rudder(run: Run) -> RudderCheck | None:
     now, after = rate[:-1][pairs], rate[1:][pairs]
     deflection = 0.5 * (held[:-1] + held[1:])[pairs]
     design = np.column_stack((now, deflection, np.ones_like(now)))
+    if restored:
+        mean = blocks.integral(series) / blocks.span
+        design = np.column_stack((design, 0.5 * (mean[:-1] + mean[1:])[pairs]))
     weights, _, rank, _ = np.linalg.lstsq(design, after, rcond=None)
-    if rank < 3:
+    if rank < design.shape[1]:
         return None
     left = after - design @ weights
-    variance = float(left @ left) / max(1, after.size - 3) * float(np.linalg.inv(design.T @ design)[1, 1])
+    variance = float(left @ left) / max(1, after.size - rank) * float(np.linalg.inv(design.T @ design)[1, 1])
     if not variance > 0.0:
         return None
     return RudderCheck(float(weights[1]), float(weights[1]) / math.sqrt(variance))

@@ -17,6 +17,9 @@ from bayesid.trials.importing.roles import WORLDS
 
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 AGREES = 0.3  # misfit of a direction that agrees
+LEAST = (
+    0.02  # misfit that a heading labelled with a unit must leave: a weave of 20 deg leaves 0.09 in the other
+)
 NEAR = 0.2  # of a factor, as a logarithm, within which it is that of degrees and radians
 FOLLOWS = 0.7  # share of a heading that its yaw rate must explain
 _WORDS = {"deg": "degrees", "rad": "radians"}
@@ -68,7 +71,7 @@ def _ask_labelled(draft: Draft, role: str) -> None:
     other = "rad" if unit == "deg" else "deg"
     changed = draft.change(role, unit=other)
     as_said, as_other = _misfit(draft, draft.map), _misfit(draft, changed)
-    if as_other < min(AGREES, CLEAR * as_said) and as_said > AGREES:
+    if as_other < min(AGREES, CLEAR * as_said) and as_said > LEAST:
         why = (
             f"the track follows it as {_WORDS[other]} ({100 * as_other:.2g} % unexplained) and not as "
             f"{_WORDS[unit]} ({100 * as_said:.2g} %)"

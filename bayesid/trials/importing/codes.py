@@ -68,8 +68,14 @@ def codes_in(values: Floats) -> list[float]:
     return sorted(found)
 
 
+def _figures(value: float) -> str:
+    """Digits of a number, as of one that was kept in 32 bits."""
+    text = f"{abs(value):.7g}"
+    return (f"{abs(value):.10g}" if "e" in text else text).replace(".", "").lstrip("0")
+
+
 def _is_code(value: float, count: int) -> bool:
-    figures = f"{abs(value):.10g}".replace(".", "").lstrip("0")
+    figures = _figures(value)
     if "e" in figures:
         return False
     bare = figures.rstrip("0") or figures
@@ -103,7 +109,8 @@ def _repeated_far_off(values: Floats) -> list[tuple[float, int]]:
 
 def _say(draft: Draft, role: str, codes: list[float], values: Floats) -> None:
     count = int(np.isin(values, codes).sum())
-    what = ", the code of a DVL without bottom lock" if role in _BOTTOM else ", a code for no reading"
+    bottom = role in _BOTTOM and all(_figures(c) in _WIDTHS for c in codes)
+    what = ", the code of a DVL without bottom lock" if bottom else ", a code for no reading"
     what = f"{what}, " if len(codes) == 1 else ", codes for no reading, "
     verb = "is" if count == 1 else "are"
     draft.remark(

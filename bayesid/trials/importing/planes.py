@@ -27,7 +27,9 @@ from bayesid.words import first_few
 SURE_T = 5.0  # t of the pitch that follows the planes, from which their side is told
 LARGE, PITCHED = 10.0, 5.0  # deg: planes held so far pitch a vehicle under way by more than that
 MOST = 12  # recordings looked at
-_FIN = re.compile(r"\b(fins?|(stern|bow|hydro|dive|diving)? ?planes?|elevators?|flaps?|surfaces?|rudders?)\b")
+_FIN = re.compile(
+    r"\b(fins?|(stern|bow|hydro|dive|diving)? ?planes?|elevators?|flaps?|control surfaces?|rudders?)\b"
+)
 _ANGLES = (None, "deg", "rad", "gon", "%", "us_pwm")
 _VERTICAL = ("theta", "q", "w", "z", "depth")
 
@@ -139,7 +141,8 @@ def _pitch_t(found: LogMap, recording: Recording) -> float | None:
     if run is None or planes is None or "theta" not in run.data:
         return None
     data = {"psi": run.data["theta"]} | {k: run.data[k] for k in ("u",) if k in run.data}
-    check = check_rudder(replace(run, data=data, commands={"delta_r_cmd": planes}, measured_inputs={}))
+    turned = replace(run, data=data, commands={"delta_r_cmd": planes}, measured_inputs={})
+    check = check_rudder(turned, restored=True)
     return None if check is None else check.t_value
 
 

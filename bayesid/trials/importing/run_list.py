@@ -25,7 +25,7 @@ from bayesid.words import first_few
 AFTER = 0.25  # of a turn, for which its rudder stays amidships after it in a pull-out
 # Of a change of depth: how far a depth that is kept may be off; of a run: how long it is kept at least
 SETTLED, LEAST_STAY = 0.1, 0.15
-HELD_OUT = re.compile(r"hold[ _-]?out|held[ _-]?out", re.IGNORECASE)  # in names of files
+HELD_OUT = re.compile(r"(?<![a-z])(hold|held)[ _-]?out(?![a-z])", re.IGNORECASE)  # in names of files
 SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 
 

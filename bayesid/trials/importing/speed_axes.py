@@ -43,15 +43,15 @@ def ask_speed_axes(draft: Draft) -> bool:
     along = blames_the_heading(draft, math.pi)
     if not (now > DOUBTFUL and along):
         return False
-    left = {words: (_unexplained(draft, tried)[0], mend) for words, mend, tried in _mistakes(draft)}
+    left = {words: (_unexplained(draft, tried)[0], mend, n) for words, mend, n, tried in _mistakes(draft)}
     fits = {words: pair for words, pair in left.items() if pair[0] < min(FITS, CLEAR * now)}
-    best = min((share for share, _ in fits.values()), default=0.0)
+    best = min((share for share, *_ in fits.values()), default=0.0)
     close = {words: pair for words, pair in fits.items() if CLEAR * pair[0] <= max(best, 1e-3)}
     if not close and abs(off) < STRAIGHT:
         return False
     told = "; or with ".join(
         f"{words} ({100.0 * share:.1f} % unexplained): if that is so, {mend}"
-        for words, (share, mend) in sorted(close.items(), key=lambda item: item[1][0])
+        for words, (share, mend, _) in sorted(close.items(), key=lambda item: (item[1][2], item[1][0]))
     )
     columns = f"{draft.column('u')} and {draft.column('v')}"
     how = f"run {math.degrees(off):+.0f} deg off them" if abs(off) >= STRAIGHT else "do not follow them"
@@ -71,8 +71,9 @@ def _unexplained(draft: Draft, tried: LogMap) -> tuple[float, float]:
     return share, float(np.angle(np.sum([np.exp(1j * turn) for *_, turn in found])))
 
 
-def _mistakes(draft: Draft) -> Iterator[tuple[str, str, LogMap]]:
-    """Words, their mend, and the map with it; v alone of the other sign is decided elsewhere."""
+def _mistakes(draft: Draft) -> Iterator[tuple[str, str, int, LogMap]]:
+    """Words, their mend, of how many changes, and the map with it; v alone of the other sign is decided
+    elsewhere."""
     for exchanged in (False, True):
         for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
             if not exchanged and signs[0] > 0.0:
@@ -87,4 +88,5 @@ def _mistakes(draft: Draft) -> Iterator[tuple[str, str, LogMap]]:
             words += [f"{and_list(turned)} of the other sign"] if turned else []
             mends = ["exchange the two in the map"] if exchanged else []
             mends += [f"write `scale = -1` in the line of {and_list(turned)}"] if turned else []
-            yield and_list(words), and_list(mends), replace(draft.map, channels=channels)
+            changes = exchanged + len(turned)
+            yield and_list(words), and_list(mends), changes, replace(draft.map, channels=channels)
