@@ -92,9 +92,9 @@ def convert(
             problems.append(str(error))
             continue
         read = series.values
-        gone = np.zeros(0, dtype=bool)
+        gone: np.ndarray = np.zeros(0, dtype=bool)
         if entry.missing:  # a code may have been kept in 32 bits
-            gone = np.isclose(read[:, None], entry.missing, rtol=1e-6, atol=0.0).any(axis=1)
+            gone = np.asarray(np.isclose(read[:, None], entry.missing, rtol=1e-6, atol=0.0).any(axis=1))
         read = np.where(gone, np.nan, read) if gone.any() else read
         values = read if entry.scale == 1.0 and entry.offset == 0.0 else entry.scale * read + entry.offset
         if factor != 1.0:
