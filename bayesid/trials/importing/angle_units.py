@@ -17,9 +17,7 @@ from bayesid.trials.importing.roles import WORLDS
 
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 AGREES = 0.3  # misfit of a direction that agrees
-LEAST = (
-    0.02  # misfit that a heading labelled with a unit must leave: a weave of 20 deg leaves 0.09 in the other
-)
+LEAST = 0.02  # misfit a labelled heading must leave; a weave of 20 deg leaves 0.09 in the wrong unit
 NEAR = 0.2  # of a factor, as a logarithm, within which it is that of degrees and radians
 FOLLOWS = 0.7  # share of a heading that its yaw rate must explain
 _WORDS = {"deg": "degrees", "rad": "radians"}
