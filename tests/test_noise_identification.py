@@ -116,6 +116,7 @@ def test_all_amplitudes_are_scaled_alike():
     assert (own.slow("x"), own.slow("z"), own.slow("psi")) == (0.8, 0.2, 0.0)
 
 
+@pytest.mark.thorough
 def test_a_planar_trial_has_no_level_of_the_depth():
     planar = build_model(load_vehicle("remus100"), 3)
     assert depth_noise(planar, []) is None

@@ -170,6 +170,7 @@ def test_a_rudder_ordered_by_its_own_name_is_ordered_alone(ferry):
     assert joint < 0.0 and alone == pytest.approx(0.5 * joint, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_a_simulated_log_measures_as_the_simulation_did(ferry, tmp_path, capsys):
     text, model = "turn:20,duration=150", build_model(ferry, 3)
     speed = self_propulsion_speed(ferry, 600.0)
@@ -190,6 +191,7 @@ def test_a_simulated_log_measures_as_the_simulation_did(ferry, tmp_path, capsys)
     assert {r[0]: r[1] for r in logged["rows"]}["rudder"] == pytest.approx(20.0)
 
 
+@pytest.mark.thorough
 def test_a_log_of_named_rudders_without_a_vehicle_asks_for_it(ferry, tmp_path, capsys):
     trial = replace(bayesid.simulate(ferry, "turn:20,duration=60"), vehicle_ref="")
     bundle = write_trial(trial, tmp_path / "log")
@@ -320,6 +322,7 @@ def test_the_next_manoeuvre_is_sought_within_the_angles_of_the_named_rudders(fer
     assert {float(abs(rudder).max()) for rudder in turns} == {rudder_limits(ferry)[0]}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shaft", ["n_port", "n_stbd"])
 def test_a_run_in_which_a_named_shaft_changes_its_revolutions_is_no_straight_one(ferry, shaft):
     model = build_model(ferry)

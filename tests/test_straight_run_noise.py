@@ -124,6 +124,7 @@ def test_ordinates_of_white_noise_have_the_mean_and_spread_of_their_gamma():
     assert 4.5 < values.mean() < 6.1 and values.std() < 2.6
 
 
+@pytest.mark.thorough
 def test_a_swing_moves_each_interval_as_the_force_itself_does():
     log = straight("disturbance", 1)
     names = latent_inputs(MODEL)[:3]

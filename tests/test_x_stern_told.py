@@ -34,6 +34,7 @@ def test_the_rudder_of_a_check_is_what_the_fins_make_together(trial):
     assert "mean of delta_1, delta_2, delta_3 and delta_4" in line
 
 
+@pytest.mark.thorough
 def test_one_fin_alone_is_said_to_be_one(trial):
     runs = trial_summary(trial)["runs"]
     assert all(len(run["rudder_of"]) == 1 for run in runs)
@@ -48,6 +49,7 @@ def test_a_single_rudder_by_its_name_counts_positive_to_port():
     assert line == "rudder [deg] is that of delta_1, positive to port."
 
 
+@pytest.mark.thorough
 def test_three_of_four_fins_make_no_rudder(trial):
     runs = tuple(
         replace(run, commands={k: v for k, v in run.commands.items() if k != "delta_3_cmd"})
@@ -67,6 +69,7 @@ def test_a_vehicle_with_a_rudder_is_told_as_before():
     assert _rudder_lines([{"rudder_of": []}], True) == []
 
 
+@pytest.mark.thorough
 def test_a_vertical_zigzag_is_one_of_the_stern_planes(trial):
     run = trial.runs[1]
     data = {**run.data, "delta_s": gathered(SHIP, run.commands)["delta_s_cmd"]}
