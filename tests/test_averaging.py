@@ -15,7 +15,7 @@ from bayesid.estimation.parameters import coefficient_prior
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Channels, Run, Trial, thin
-from bayesid.trials.averaging import MOST_BEND, averaged
+from bayesid.trials.averaging import MOST_LEFT, averaged
 
 L_U = 20.0  # s
 NOISE = {"psi": 0.01, "u": 0.05}
@@ -72,13 +72,33 @@ def test_inputs_measured_in_every_row_are_averaged_with_the_readings():
     np.testing.assert_allclose(run.exogenous["wind_north"][inside], 3.0 + 0.02 * run.t[inside], atol=1e-12)
 
 
-def test_a_log_whose_order_changes_with_every_sample_is_left_as_it_is():
-    """An autopilot's: every change keeps its sample, and averages would leave more samples than before."""
+def test_an_order_that_changes_with_every_sample_is_held_at_its_mean():
+    """An autopilot's: to every sample it has pushed for as long and as much as the one logged."""
     was = straight()
     order = 0.1 * np.sin(was.t) + 0.01 * np.random.default_rng(0).standard_normal(was.t.size)
-    trial = trial_of([replace(was, commands={"delta_r_cmd": order})])
-    assert averaged(trial, L_U, 500) is trial
-    assert averaged(trial_of([was]), L_U, 500).runs[0].n_samples < 0.2 * was.n_samples
+    run = averaged(trial_of([replace(was, commands={"delta_r_cmd": order})]), L_U, 500).runs[0]
+    assert run.n_samples < 0.2 * was.n_samples
+    pushed = np.concatenate([[0.0], np.cumsum(order[:-1] * np.diff(was.t))])
+    held = np.cumsum(run.commands["delta_r_cmd"][:-1] * np.diff(run.t))
+    expected = np.interp(run.t[1:], was.t, pushed) - np.interp(run.t[0], was.t, pushed)
+    np.testing.assert_allclose(held, expected, atol=1e-9)
+    # control: the order at the sample, held to the next one, has pushed otherwise
+    lone = np.cumsum(order[np.searchsorted(was.t, run.t[:-1])] * np.diff(run.t))
+    assert np.abs(lone - expected).max() > 0.01
+
+
+def test_seldom_readings_are_put_into_the_middles_of_blocks():
+    """So that they need no samples of their own, also where their stamps are not exact."""
+    was, rng = straight(), np.random.default_rng(1)
+    slow = np.where(np.arange(4000) % 10 == 7, was.data["u"], np.nan)
+    t = was.t + 0.002 * rng.uniform(-1.0, 1.0, was.n_samples)
+    data = {"psi": 0.3 + 0.002 * t, "u": np.where(np.isfinite(slow), 2.0 - 0.001 * t, np.nan)}
+    out = averaged(trial_of([replace(was, t=t, data=data)]), L_U, 500)
+    run = out.runs[0]
+    assert np.isfinite(run.data["u"]).sum() >= 398 and run.n_samples <= 402  # the last may be beyond it
+    good = np.isfinite(run.data["u"])
+    np.testing.assert_allclose(run.data["u"][good], 2.0 - 0.001 * run.t[good], atol=1e-12)
+    assert out.noise["u"] == NOISE["u"]
 
 
 def test_the_noise_stated_of_an_average_is_the_one_it_has():
@@ -115,20 +135,20 @@ def test_an_imported_log_without_stated_noise_is_averaged_by_the_noise_its_readi
 
 def test_blocks_are_halved_until_what_the_motion_bends_is_small_beside_the_noise():
     t = 0.1 * np.arange(8000)
-    swing = 0.5 * np.sin(2 * np.pi * t / 25.0)
+    swing = 0.5 * np.sin(2 * np.pi * t / 8.0)
     trial = trial_of([run_of(t, swing, np.full(t.size, 2.0), np.zeros(t.size))], {"psi": 0.004, "u": 0.05})
     out = averaged(trial, L_U, 500).runs[0]
     good = np.isfinite(out.data["psi"])
     width = float(np.median(np.diff(out.t[good])))
     assert 0.15 < width < 0.9  # shorter than the 1.0 s of a calm run
-    error = out.data["psi"][good] - 0.5 * np.sin(2 * np.pi * out.t[good] / 25.0)
-    assert np.sqrt(np.mean(error**2)) < 0.1 * MOST_BEND * 0.004 / np.sqrt(width / 0.1)
+    error = out.data["psi"][good] - 0.5 * np.sin(2 * np.pi * out.t[good] / 8.0)
+    assert np.sqrt(np.mean(error**2)) < 0.1 * MOST_LEFT * 0.004 / np.sqrt(width / 0.1)
 
 
 def test_short_logs_sparse_ones_and_unlike_rates_stay_as_they_are():
     trial = trial_of([straight(400)])
     assert averaged(trial, L_U, 500) is trial
-    sparse = trial_of([straight(4000, spacing=1.0)])
+    sparse = trial_of([straight(4000, spacing=8.0)])
     assert averaged(sparse, L_U, 500) is sparse
     unlike = trial_of([straight(), replace(straight(4000, spacing=0.2), name="r2")])
     assert averaged(unlike, L_U, 500) is unlike
@@ -143,8 +163,38 @@ def test_a_channel_slower_than_the_rows_keeps_its_own_readings_and_noise():
     kept = was.t[np.isfinite(slow)]
     kept = kept[(kept >= run.t[0]) & (kept <= run.t[-1])]
     np.testing.assert_allclose(run.t[good], kept, atol=1e-9)
-    np.testing.assert_array_equal(run.data["u"][good], 2.0 - 0.001 * kept)
+    np.testing.assert_allclose(run.data["u"][good], 2.0 - 0.001 * kept, rtol=1e-12)
     assert out.noise["u"] == NOISE["u"]
+
+
+def test_a_fit_finds_the_same_under_an_autopilot_and_with_sensors_of_different_rates():
+    # an order that changes with every sample; fixes read every 20th, speeds every 4th
+    model = model_of("remus100")
+    s, rng, n = model.scales, np.random.default_rng(5), 400
+    unit = s["L"] / s["U"]
+    t = 0.05 * unit * np.arange(n)
+    order = 0.15 * np.sin(0.6 * t / unit) + 0.05 * np.sin(2.3 * t / unit) + 0.02 * rng.standard_normal(n)
+    commands = {"n_cmd": np.full(n, model.vehicle.rpm_ref), "delta_r_cmd": order}
+    states = simulate(
+        model, model.nominal, plan_run(model, t, commands), steady_start(model), full=True
+    ).states
+    noise = {c: 3.0 * v for c, v in noise_of(model).items()}
+    data = {}
+    for c, sd in noise.items():
+        read = states[:, model.kernel.full.states.index(c)] + sd * rng.standard_normal(n)
+        every = {"x": 20, "y": 20, "u": 4, "v": 4}.get(c, 1)
+        data[c] = np.where(np.arange(n) % every == min(1, every - 1), read, np.nan)
+    trial = trial_of([Run("auto", "", "identify", t, data, commands)], noise)
+    few = averaged(trial, unit, 200)
+    assert few.runs[0].n_samples <= 200
+    free, found = coefficient_prior(model), []
+    for one in (trial, few):
+        log = filter_error_run(model, one.runs[0], one.noise, tuple(noise))
+        found.append(fit(model, [log], free, no_process_noise(model), initial_noise_scale=0.0))
+    whole, part = found
+    assert whole.converged and part.converged
+    assert np.abs((part.values - whole.values) / whole.sd).max() < 0.6
+    np.testing.assert_allclose(part.sd, whole.sd, rtol=0.05)
 
 
 def test_a_fit_to_averages_finds_what_a_fit_to_all_readings_finds():
@@ -164,7 +214,7 @@ def test_a_fit_to_averages_finds_what_a_fit_to_all_readings_finds():
     at = {c: model.kernel.full.states.index(c) for c in noise}
     data = {c: states[:, at[c]] + sd * rng.standard_normal(n) for c, sd in noise.items()}
     trial = trial_of([Run("zz", "zigzag", "identify", t, data, commands)], noise)
-    few = averaged(trial, unit, 400)
+    few = averaged(trial, unit, 450)
     assert np.isfinite(few.runs[0].data["psi"]).sum() == pytest.approx(n / 5, abs=2)
     free = coefficient_prior(model)
     found = []

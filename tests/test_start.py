@@ -157,22 +157,25 @@ def test_a_fast_log_is_said_to_be_averaged_and_one_that_cannot_be_has_a_command_
     ahead = outlook(trial)
     assert ahead.readings == 12000 and ahead.used < 0.2 * 12000 and ahead.coarser is None
     assert f"averaged to {ahead.used}, {ahead.used_spacing:.3g} s apart" in ahead.sentences()[0]
-    # orders that change with every reading keep every reading
-    busy = outlook(replace(trial, runs=(sailed("r1", busy=True),)))
-    assert busy.used == busy.readings == 12000 and busy.held_out == ()
-    assert busy.coarser == pytest.approx(0.1 * 5.3 / 1.8, rel=0.2)  # a tenth of length over speed
-    assert busy.seconds[0] > ahead.seconds[0] and ahead.seconds[1] > outlook(trial, quick=True).seconds[1]
+    # orders that change with every reading are averaged as well
+    assert outlook(replace(trial, runs=(sailed("r1", busy=True),))).used <= ahead.used
+    # of runs read at two rates one noise does not hold: they keep every reading
+    unlike = outlook(replace(trial, runs=(sailed("r1"), sailed("r2", every=2))))
+    assert unlike.used == unlike.readings == 18000 and unlike.held_out == ()
+    assert unlike.coarser == pytest.approx(0.1 * 5.3 / 1.8, rel=0.2)  # a tenth of length over speed
+    assert unlike.seconds[0] > ahead.seconds[0] and ahead.seconds[1] > outlook(trial, quick=True).seconds[1]
 
 
-def sailed(name, role="identify", busy=False):
-    """12000 readings 0.02 s apart, with noise that nobody states."""
+def sailed(name, role="identify", busy=False, every=1):
+    """12000 readings 0.02 s apart, with noise that nobody states, or every so many of them."""
     rng, t = np.random.default_rng(5), 0.02 * np.arange(12000)
     order = np.where(t < 100.0, 0.0, 0.1) + (0.01 * rng.standard_normal(t.size) if busy else 0.0)
     data = {
         "psi": 0.002 * t + 0.01 * rng.standard_normal(t.size),
         "u": 1.8 + 0.05 * rng.standard_normal(t.size),
     }
-    return Run(name, "turn 6", role, t, data, {"delta_r_cmd": order})
+    data = {name: values[::every] for name, values in data.items()}
+    return Run(name, "turn 6", role, t[::every], data, {"delta_r_cmd": order[::every]})
 
 
 def test_a_data_sheet_beside_the_logs_becomes_the_vehicle(dive, diagnosed):

@@ -1,17 +1,19 @@
 """Readings denser than the motion needs, averaged before a long log is fitted or diagnosed.
 
 Takes a `Trial` and the size of its vehicle. Gives a `Trial` with fewer readings of less noise, or the same.
-Does not: touch commands, which switch when they did, nor logs that are short enough as they are.
+Does not: touch orders that are held for longer than a block, which switch when they did, nor logs that are
+short enough as they are. An order that changes all the time, an autopilot's, is held at its mean instead.
 
 The readings of a block are replaced by the line through them at its middle: exact for motion without bend,
 whatever the stamps. A bend adds a 24th of the second difference of neighbouring averages; it is taken off,
 the difference being that of averages two blocks away, which hardly adds noise (0.03 of that of an average).
-Blocks are halved until what is taken off is small beside the noise, so that what is left does not count.
+Blocks are made shorter until what is left is small beside the noise: by Taylor's series of the motion about
+the middle of a block (1/24^2 + 2^2/(12 24) - 1/1920) of the fourth difference of averages, a 66th.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,9 +22,15 @@ import numpy as np
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.trial import Floats, Run, Trial
 
-LONGEST_BLOCK = 0.05  # L/U
-MOST_BEND = 0.3  # what a bend adds to an average, rms, over its noise, before it is taken off
+USUAL_BLOCK, LONGEST_BLOCK = 0.05, 0.25  # L/U; longer than usual only as far as too many readings are left
+LONGER = 1.1  # a block that is tried after a shorter one
+MOST_LEFT = 0.3  # of what a bend adds to an average, rms, over its noise: makes that 4 % larger
 AWAY = 2  # blocks
+LEFT = 1.0 / 24.0**2 + AWAY**2 / (12.0 * 24.0) - 1.0 / 1920.0  # of the fourth difference of averages
+NOISE_OF_FOURTH = 70.0  # variance of 1 -4 6 -4 1 times independent readings of variance one
+HELD = 0.5  # changes per block, above which an order changes all the time
+EDGE = 1e-3  # of a block, by which it begins early: no edge is on a reading, where rounding would decide
+BESIDE = 0.05  # of a block: a reading so near its middle is moved there, by a line to its neighbour
 WORTH = 0.75  # most samples left, of those there were: every change of an order keeps one
 FULL = 0.75  # share of the usual readings a block must hold
 SAME_RATE = 0.2  # relative difference of the readings per block between runs that share a noise
@@ -43,33 +51,55 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
     for all), or where noise is not stated (averages would be weighed by what fast changes of theirs show)
     """
     runs = trial.identify
-    samples = sum(run.n_samples for run in runs)
+    samples = _samples(trial)
     if samples <= most or not trial.noise:
         return trial
     spacing = float(np.median(np.concatenate([np.diff(run.t) for run in runs])))
-    count = int(LONGEST_BLOCK * time_scale / spacing)
-    while count >= 2:
+    usual, longest = (round(block * time_scale / spacing) for block in (USUAL_BLOCK, LONGEST_BLOCK))
+    best = None
+    for count in _counts(max(usual, 2), longest):
         done = _averaged(trial, count * spacing, count)
         if done is None:
             return trial
-        out, bend = done
-        if sum(run.n_samples for run in out.identify) > WORTH * samples:
-            return trial
-        if bend <= MOST_BEND:
-            words = (
-                f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "
-                f"({count * spacing / time_scale:.2g} L/U), commands as logged; what the motion bends "
-                f"within an average, {bend:.1g} of its noise, is taken off (--resample takes single readings)"
-            )
-            derived = velocity_from_track(runs)
-            known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
-            return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
+        if done[1] > MOST_LEFT:
+            break
+        if best is None or _samples(done[0]) < _samples(best[1]):
+            best = count, *done
+        if _samples(done[0]) <= most:
+            break
+    count = usual // 2
+    while best is None and count >= 2:
+        done = _averaged(trial, count * spacing, count)
+        if done is not None and done[1] <= MOST_LEFT:
+            best = count, *done
         count //= 2
-    return trial
+    if best is None or _samples(best[1]) > WORTH * samples:
+        return trial
+    count, out, left = best
+    words = (
+        f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "
+        f"({count * spacing / time_scale:.2g} L/U), orders as logged; what the motion bends "
+        f"within an average is taken off but for {left:.1g} of its noise (--resample takes single readings)"
+    )
+    derived = velocity_from_track(runs)
+    known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
+    return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
+
+
+def _samples(trial: Trial) -> int:
+    return sum(run.n_samples for run in trial.identify)
+
+
+def _counts(first: int, last: int) -> Iterator[int]:
+    """Readings per block, from `first` to `last`, each about a tenth more than the one before."""
+    count = first
+    while count <= last:
+        yield count
+        count = max(count + 1, round(LONGER * count))
 
 
 def _averaged(trial: Trial, width: float, count: int) -> tuple[Trial, float] | None:
-    """Runs averaged over blocks of `width` [s], and the largest bend over noise; None: at different rates."""
+    """Runs averaged over blocks of `width` [s], and the most left of a bend; None: unlike rates."""
     runs, factors = [], []
     for run in trial.runs:
         out, held = _run(run, width, count)
@@ -82,56 +112,121 @@ def _averaged(trial: Trial, width: float, count: int) -> tuple[Trial, float] | N
             return None
         if seen:
             noise[name] /= np.sqrt(float(np.median(seen)))
-    bends = [
-        _bend(run, noise, f, width) for run, f in zip(runs, factors, strict=True) if run.role == "identify"
+    left = [
+        _left(run, noise, f, width) for run, f in zip(runs, factors, strict=True) if run.role == "identify"
     ]
-    return replace(trial, runs=tuple(runs), noise=noise), max(bends, default=0.0)
+    return replace(trial, runs=tuple(runs), noise=noise), max(left, default=0.0)
 
 
 def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
     """One run averaged, and channel -> readings per block; 1 for a channel that keeps its own readings."""
-    spacing = width / count
-    t = run.t - run.t[0]
-    # whole blocks, the first reading at the beginning of the first
-    block = np.floor((t + 0.5 * spacing) / width + 1e-9).astype(np.int64)
-    blocks = int(block[-1]) + 1
-    middle = np.asarray((np.arange(blocks) + 0.5) * width - 0.5 * spacing, dtype=np.float64)
-    means, own, held = {}, np.zeros(t.size, dtype=bool), {}
-    for name, values in run.data.items():
-        mean, usual = _lines(t, values, block, middle, blocks)
-        held[name] = 1.0 if usual < 2 else usual
-        if usual < 2:
-            own |= np.isfinite(values)
-        else:
-            means[name] = _unbent(mean)
-    switches = np.zeros(t.size, dtype=bool)
-    for values in run.commands.values():
-        switches[1:] |= (np.diff(values) != 0) & np.isfinite(values[1:])
-    kept = middle[middle <= t[-1]]
-    extra = t[(switches | own) & (t > kept[0]) & (t < kept[-1])]
-    near = np.clip(np.rint((extra - kept[0]) / width).astype(int), 0, kept.size - 1)
-    extra = extra[np.abs(extra - kept[near]) > 1e-6 * width]
-    grid = np.sort(np.concatenate([kept, extra]))
-    at = np.searchsorted(grid, kept)
-    data = {}
-    for name, values in run.data.items():
-        data[name] = np.full(grid.size, np.nan)
-        if name in means:
-            data[name][at] = means[name][: kept.size]
-        else:
-            here = np.clip(np.searchsorted(t, grid - 1e-6 * width), 0, t.size - 1)
-            same = np.abs(t[here] - grid) <= 1e-6 * width
-            data[name][same] = values[here[same]]
-    row = np.clip(np.searchsorted(t, grid + 1e-6 * spacing, side="right") - 1, 0, t.size - 1)
-    groups: dict[str, Any] = {"data": data, "commands": {n: v[row] for n, v in run.commands.items()}}
+    firsts = [run.t[good][0] - run.t[0] for v in run.data.values() if (good := np.isfinite(v)).any()]
+    # blocks begin with the run, or so that the readings of a seldom channel are in their middles: what needs
+    # the fewest samples
+    begins = [-0.5 * width / count, *sorted({float((b - 0.5 * width) % width) - width for b in firsts})]
+    grid = min((_Grid(run, width, begin) for begin in begins), key=lambda g: g.t.size)
+    commands = {name: grid.order(values) for name, values in run.commands.items()}
+    groups: dict[str, Any] = {"data": grid.data(), "commands": commands}
     for group in ("measured_inputs", "exogenous", "propulsion", "extra"):
-        groups[group] = {
-            name: _filled(_lines(t, v, block, middle, blocks)[0][: kept.size], kept, grid, t, v)
-            for name, v in getattr(run, group).items()
-        }
+        groups[group] = {name: grid.input(values) for name, values in getattr(run, group).items()}
     note = f"averaged over {width:g} s from {run.digest[:12]}"
     began = float(run.t[0]) if run.began is None else run.began  # half a block before its first average
-    return replace(run, t=run.t[0] + grid, began=began, provenance=(*run.provenance, note), **groups), held
+    out = replace(run, t=run.t[0] + grid.t, began=began, provenance=(*run.provenance, note), **groups)
+    return out, grid.held
+
+
+class _Grid:
+    """Samples a run is averaged to: middles of blocks, what seldom channels read, switches of orders.
+
+    Attributes
+    ----------
+    t : (m,) times from the first sample of the run [s]
+    held : channel -> readings per block; 1 for a channel that keeps its own readings
+    """
+
+    def __init__(self, run: Run, width: float, begin: float) -> None:
+        t = run.t - run.t[0]
+        self._t, self._width = t, width
+        self._block = np.floor((t - begin) / width + EDGE).astype(np.int64)
+        self._middle: Floats = np.asarray(
+            begin + (np.arange(int(self._block[-1]) + 1) + 0.5) * width, np.float64
+        )
+        self._whole = (self._middle >= t[0]) & (self._middle <= t[-1])
+        kept = self._middle[self._whole]
+        self._means, self.held, self._own = dict[str, Floats](), dict[str, float](), dict[str, Floats]()
+        for name, values in run.data.items():
+            mean, usual = self._lines(values)
+            self.held[name] = 1.0 if usual < 2 else usual
+            if usual < 2:
+                self._own[name] = values
+            else:
+                self._means[name] = _unbent(mean)
+        switched = [t[moves] for values in run.commands.values() if not self._moving(moves := _moves(values))]
+        read = [t[np.isfinite(values)] for values in self._own.values()]
+        extra = [_off(kept, times, 1e-6 * width) for times in switched]
+        extra += [_off(kept, times, BESIDE * width) for times in read]
+        self.t = np.unique(np.concatenate([kept, *extra]))
+        self._at = np.searchsorted(self.t, kept)
+
+    def _moving(self, moves: np.ndarray) -> bool:
+        return bool(np.count_nonzero(moves) > HELD * self._middle.size)
+
+    def _lines(self, values: Floats) -> tuple[Floats, float]:
+        return _lines(self._t, values, self._block, self._middle, self._middle.size)
+
+    def data(self) -> dict[str, Floats]:
+        """Averages, and the readings of seldom channels, by channel; NaN where a channel has none."""
+        out = {name: np.full(self.t.size, np.nan) for name in self.held}
+        for name, mean in self._means.items():
+            out[name][self._at] = mean[self._whole]
+        for name, values in self._own.items():
+            good = np.isfinite(values)
+            if good.any():
+                read = self._t[good]
+                at = _nearest(self.t, read)
+                at = np.unique(at[np.abs(self.t[at] - read) <= 1.001 * BESIDE * self._width])
+                near = 1e-6 * self._width
+                inside = at[(self.t[at] >= read[0] - near) & (self.t[at] <= read[-1] + near)]
+                out[name][inside] = np.interp(self.t[inside], read, values[good])
+        return out
+
+    def order(self, values: Floats) -> Floats:
+        """An order as it is held at the samples; one that changes all the time at its mean to the next."""
+        row = np.clip(np.searchsorted(self._t, self.t + 1e-6 * self._width, side="right") - 1, 0, None)
+        held = values[row]
+        if not self._moving(_moves(values)) or not np.isfinite(values).all() or self.t.size < 2:
+            return held
+        spans = np.diff(self._t)
+        total = np.concatenate([[0.0], np.cumsum(values[:-1] * spans)])
+        until = np.interp(self.t, self._t, total)
+        held[:-1] = np.diff(until) / np.diff(self.t)
+        return held
+
+    def input(self, values: Floats) -> Floats:
+        """Averages, linear in between; its own readings where it has few."""
+        means, _ = self._lines(values)
+        good = np.isfinite(means) & self._whole
+        if good.any():
+            return np.interp(self.t, self._middle[good], means[good])
+        fine = np.isfinite(values)
+        if not fine.any():
+            return np.full(self.t.size, np.nan)
+        return np.interp(self.t, self._t[fine], values[fine])
+
+
+def _moves(values: Floats) -> np.ndarray:
+    """(n,) where an order is another than before."""
+    return np.concatenate([[False], (np.diff(values) != 0) & np.isfinite(values[1:])])
+
+
+def _nearest(samples: Floats, t: Floats) -> np.ndarray:
+    return np.searchsorted(0.5 * (samples[1:] + samples[:-1]), t)
+
+
+def _off(samples: Floats, t: Floats, beside: float) -> Floats:
+    """Times between the first and last sample that are farther than `beside` from every one."""
+    inside = t[(t > samples[0]) & (t < samples[-1])]
+    return inside[np.abs(samples[_nearest(samples, inside)] - inside) > beside]
 
 
 def _lines(t: Floats, values: Floats, block: np.ndarray, middle: Floats, n: int) -> tuple[Floats, float]:
@@ -154,33 +249,27 @@ def _lines(t: Floats, values: Floats, block: np.ndarray, middle: Floats, n: int)
 
 
 def _unbent(means: Floats) -> Floats:
-    """Averages without what the bend of the motion adds to them; the first and last as they are."""
-    out = means.copy()
+    """Averages without what the bend of the motion adds to them; near the ends the bend goes on by a line."""
+    if means.size < 2 * AWAY + 2:
+        return means
     second = (means[2 * AWAY :] - 2.0 * means[AWAY:-AWAY] + means[: -2 * AWAY]) / AWAY**2
-    out[AWAY:-AWAY] -= np.where(np.isfinite(second), second, 0.0) / 24.0
-    return out
+    second[~np.isfinite(second)] = 0.0
+    on = np.arange(AWAY, 0, -1)
+    before, after = (end[0] + on * (end[0] - end[1]) for end in (second, second[::-1]))
+    return means - np.concatenate([before, second, after[::-1]]) / 24.0
 
 
-def _filled(means: Floats, kept: Floats, grid: Floats, t: Floats, values: Floats) -> Floats:
-    """An input at the times of `grid`: averages, linear in between; its own readings where it has few."""
-    good = np.isfinite(means)
-    if not good.any():
-        fine = np.isfinite(values)
-        return np.interp(grid, t[fine], values[fine]) if fine.any() else np.full(grid.size, np.nan)
-    return np.interp(grid, kept[good], means[good])
-
-
-def _bend(run: Run, noise: Mapping[str, float], held: Mapping[str, float], width: float) -> float:
-    """The most a bend adds to the averages of a channel, rms, over their noise."""
+def _left(run: Run, noise: Mapping[str, float], held: Mapping[str, float], width: float) -> float:
+    """The most that is left of a bend in the averages of a channel, rms, over their noise."""
     out = 0.0
     for name, values in run.data.items():
         good = np.isfinite(values)
-        if name not in noise or held.get(name, 1.0) < 2 or good.sum() < 3:
+        if name not in noise or held.get(name, 1.0) < 2 or good.sum() < 5:
             continue
         x, t = values[good], run.t[good]
-        near = np.abs(t[2:] - t[:-2] - 2.0 * width) < 0.1 * width
-        second = (x[2:] - 2.0 * x[1:-1] + x[:-2])[near]
-        if second.size:
-            excess = float(np.mean(second**2)) - 6.0 * noise[name] ** 2
-            out = max(out, np.sqrt(max(excess, 0.0)) / (24.0 * noise[name]))
+        near = np.abs(t[4:] - t[:-4] - 4.0 * width) < 0.1 * width
+        fourth = np.diff(x, 4)[near]
+        if fourth.size:
+            excess = float(np.mean(fourth**2)) - NOISE_OF_FOURTH * noise[name] ** 2
+            out = max(out, LEFT * np.sqrt(max(excess, 0.0)) / noise[name])
     return float(out)
