@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnosis_results import RESULT, a_result, draws
 
-from bayesid.diagnosis.answer import answer, explained_words
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import warning
@@ -26,6 +26,7 @@ from bayesid.diagnosis.plain_words import in_words, intervals, sentence, size_wo
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, StretchFound, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
+from bayesid.diagnosis.third_model import explained_words
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.diagnosis.unnamed_words import WHY
 from bayesid.equations.model import build_model
@@ -493,6 +494,38 @@ def test_an_explanation_that_does_not_predict_runs_left_out_better_is_not_what_p
     told = answer(found)
     assert "nothing is gained" in told.outcome and "--set" not in " ".join(told.steps)
     assert "--set" in " ".join(answer(replace(found, retuning=replace(kept, as_given=False))).steps)
+
+
+def test_a_size_found_beside_coefficients_out_of_reason_is_said_to_be_where_these_do_not_predict():
+    wind = an_effect("wind", blowing_north=(2.0, 0.1), blowing_east=(1.0, 0.1))
+    row = Moved(-0.087, 0.013, -0.09, -0.087, 0.001, None, False, 0.068, 0.002)
+    found = replace(a_result(moved={"K_*": row}), effects=(wind,), retuning=Retuning(False, 0.1, 0.2, {}))
+    (said,) = (text for text in failures(found) if "far from those stated" in text)
+    assert said.startswith("The fit that the size told is from needs coefficients")
+    assert "K_* by 12 times its stated uncertainty, -178 %" in said
+    # controls: not surely moved, and beside the explanation that predicts
+    for other in (replace(row, beside_sd=0.1), replace(row, beside=None, beside_sd=None)):
+        assert not any(
+            "far from those stated" in text for text in failures(replace(found, moved={"K_*": other}))
+        )
+
+
+def test_coefficients_that_predict_alone_take_the_place_of_an_explanation_and_are_a_step():
+    same = (a_run(position=(4.7, 0.78, 0.78), heading=(1.04, 0.13, 0.13)),)
+    alone = Retuning(True, -0.3, 0.9, {}, False, -0.3, 0.9, True, 0.4, 0.1)
+    wind = an_effect("wind", blowing_north=(2.0, 0.1), blowing_east=(1.0, 0.1))
+    found = replace(a_result(runs=same), effects=(wind,), retuning=alone)
+    assert "coefficients re-tuned alone" in explained_words(found)
+    assert "(errors 0.67 times as large, one standard error 0.61 to 0.74)" in explained_words(found)
+    told = answer(found)
+    assert told.labels[2] == "re-tuned, nothing added"
+    assert (
+        "no better than with re-tuned coefficients alone" in told.outcome and "59.6 degrees" in told.outcome
+    )
+    assert "bayesid fit" in " ".join(told.steps) and "--set" not in " ".join(told.steps)
+    # the control: an explanation that predicts is shown as such
+    kept = answer(replace(found, retuning=Retuning(True, 0.3, 0.1, {})))
+    assert kept.labels[2] == "explained" and "no better than" not in kept.outcome
 
 
 @pytest.mark.parametrize(

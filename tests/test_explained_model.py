@@ -96,6 +96,23 @@ def test_what_is_not_named_must_predict_better_by_a_standard_error_and_a_name_no
         assert replace(explained, given_gain=gain).predicting(named).as_given is as_given
 
 
+def test_re_tuned_coefficients_alone_predict_where_runs_left_out_ask_for_them():
+    problem, refit = refitted(0, False)
+    shown = replace(explained_model(problem, refit), retuned=False, left=[np.full(3, 2.0), np.full(3, 3.0)])
+    better = [np.full(3, 1.0), np.full(3, 1.2)]
+    coefficients = replace(shown, effects=(), fit=replace(refit.fit), retuned=True, left=better)
+    alone = shown.or_retuned(coefficients)
+    assert alone.coefficients_alone and not alone.as_given and alone.effects == ()
+    assert alone.fit is coefficients.fit and alone.refused is shown.fit
+    assert alone.alone_gain == pytest.approx(0.5 * (np.log(2.0) + np.log(2.5)))
+    # controls: no better by a standard error, not re-tuned themselves, or an explanation that is re-tuned
+    unsure = shown.or_retuned(replace(coefficients, left=[np.full(3, 1.0), np.full(3, 4.0)]))
+    assert unsure.effects == shown.effects and not unsure.coefficients_alone
+    assert shown.or_retuned(replace(coefficients, retuned=False)) is shown
+    own = replace(shown, retuned=True)
+    assert own.or_retuned(coefficients) is own
+
+
 def test_without_an_effect_the_model_as_stated_is_the_one_as_given_and_is_fitted_once(monkeypatch):
     problem, _ = refitted(0, True)
     none = weighted_hypothesis(problem, (), fit_with(problem, ()))

@@ -5,7 +5,6 @@ Takes a `Result`. Gives a frozen `Answer`, of which terminal and report are view
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause, to_tell_apart
@@ -46,6 +45,7 @@ from bayesid.diagnosis.run_errors import (
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
+from bayesid.diagnosis.third_model import as_given, coefficients_alone, explained_words, in_its_place
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.diagnosis.unnamed_words import unnamed_words
 from bayesid.model.effects import CATALOGUE
@@ -53,7 +53,6 @@ from bayesid.places import NOWHERE, Places
 from bayesid.words import first_few
 
 RMS = " (rms)"
-AS_GIVEN = "as given, nothing added"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be.
 WORTH_A_WORD = 0.01
@@ -104,7 +103,7 @@ def answer(result: Result, places: Places = NOWHERE) -> Answer:
         failures(result),
         run_words(shown) if shown is not None else "",
         error_rows(shown) if shown is not None else (),
-        ("as given", "re-tuned", AS_GIVEN if as_given(result) else "explained"),
+        ("as given", "re-tuned", in_its_place(result) or "explained"),
         explained_words(result),
         moved_words(result),
         (*mistake_certainty(result), *_certainty(result)),
@@ -115,63 +114,6 @@ def answer(result: Result, places: Places = NOWHERE) -> Answer:
 def counted_after(result: Result) -> str:
     """From when on the errors count."""
     return f"after the first {result.runs[0].lead:.3g} s"
-
-
-def explained_words(result: Result) -> str:
-    """What the third model is: with what is named, or with the best explanation, which may be another."""
-    return " ".join([_explained(result), *_as_stated(result)])
-
-
-def _as_stated(result: Result) -> list[str]:
-    """That the third model has the coefficients as given, and why; nothing where they are re-tuned."""
-    if result.retuning is None or retuned(result):
-        return []
-    if result.retuning.as_given:
-        return [_worse_left_out(result.retuning.given_gain or 0.0, result.retuning.given_error or 0.0)]
-    gain, error = result.retuning.gain or 0.0, result.retuning.error or 0.0
-    if not error:  # the most that is counted of a ratio: in every run beyond it, or diverging
-        return ["Its coefficients are as given: runs left out are lost with re-tuned ones."]
-    low, times, high = (math.exp(x - gain) for x in (-error, 0.0, error))
-    return [
-        "Its coefficients are as given: that re-tuned ones predict runs left out better is not sure "
-        f"(errors {times:.2g} times as large, one standard error {low:.2g} to {high:.2g})."
-    ]
-
-
-def _worse_left_out(gain: float, error: float) -> str:
-    """Why an explanation does not predict."""
-    if not error:
-        return "With it runs left out are lost."
-    times, least, most = (math.exp(x - gain) for x in (0.0, -error, error))
-    worse = gain < -error
-    said = "It predicts runs left out worse" if worse else "That it predicts runs left out better is not sure"
-    return f"{said} (errors {times:.2g} times as large, one standard error {least:.2g} to {most:.2g})."
-
-
-def as_given(result: Result) -> bool:
-    """Whether the third model is the one as given: no effect or coefficients alone, not re-tuned, or an
-    explanation that does not predict runs left out better."""
-    if result.retuning is None or retuned(result):
-        return False
-    used = explanation(result)
-    return result.retuning.as_given or all(n.startswith("coefficient_error") for n in used)
-
-
-def _explained(result: Result) -> str:
-    used = explanation(result)
-    if result.model_form is not None and result.verdict == "model_form" and not used and retuned(result):
-        return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
-    if not used:
-        without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
-        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
-    words = " + ".join(in_words(n) for n in used)
-    if as_given(result):
-        return f"Explained: the simulator as given; the best explanation, {words}, is not in it."
-    if result.verdict == "model_form":
-        return f"Explained: with {words}, which may stand for the force that the equations lack."
-    if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
-        return f"Explained: with {words}."
-    return f"Explained: with {words}, the best explanation."
 
 
 def _or_its_like(e: Effect) -> str:
@@ -290,6 +232,11 @@ def _outcome(result: Result, run: RunError) -> str:
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
+    if coefficients_alone(result):
+        return (
+            f"{what}, runs left out are predicted no better than with re-tuned coefficients alone: as given, "
+            f"the {verb} {run_words(run)} {missed(errors, 0, RMS)}; re-tuned, {missed_too(errors, 1, 0)}."
+        )
     if as_given(result):
         return (
             f"{what}, runs left out are predicted no better, so nothing is gained: as given, the {verb} "
@@ -407,10 +354,13 @@ def _proof(result: Result) -> str:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
-    if as_given(result):
+    if in_its_place(result):
+        predicts = (
+            "The simulator as given predicts" if as_given(result) else "Re-tuned coefficients alone predict"
+        )
         return (
-            f"Held-out runs: {len(held)}, read only after the verdict stood. The simulator as given predicts "
-            "them, not the explanation: they are no proof of it."
+            f"Held-out runs: {len(held)}, read only after the verdict stood. {predicts} them, not the "
+            "explanation: they are no proof of it."
         )
     off = {run.run: worse_in(error_rows(run)) for run in held}
     if len(held) == 1:
@@ -421,6 +371,11 @@ def _proof(result: Result) -> str:
     beside = f" (worse: {lost})" if lost else ""
     of = f"Of {len(held)} held-out runs, read after the verdict stood,"
     return f"{of} {better} are predicted no worse{beside}."
+
+
+def _retune(result: Result, places: Places) -> str:
+    command = f"bayesid fit {places.trial}{freeing(result)} --out {places.beside('fit')}"
+    return f"Re-tune: `{command}` writes the vehicle file."
 
 
 def _steps(result: Result, places: Places) -> tuple[str, ...]:
@@ -434,12 +389,14 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 given = "" if retuned(result) else ", coefficients as given"
-                if as_given(result):
+                if in_its_place(result):
                     out.append(f"Look for {in_words(e.name)} on the vehicle.")
                     continue
                 out.append(
                     f"Look for {in_words(e.name)} on the vehicle, or simulate with it{given}: `{values}`."
                 )
+        if coefficients_alone(result):
+            out.append(_retune(result, places))
         if not retuned(result) and not as_given(result) and result.effects:
             names = ",".join(e.name for e in result.effects)
             if not {e.name for e in result.effects} <= {e.name for e in CATALOGUE}:
@@ -454,8 +411,7 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
         and result.runs
         and closes(error_rows(result.runs[0]), 0, 1)
     ):
-        command = f"bayesid fit {places.trial}{freeing(result)} --out {places.beside('fit')}"
-        out.append(f"Re-tune: `{command}` writes the vehicle file.")
+        out.append(_retune(result, places))
     elif result.rule == MOTION_EVENT:
         held = all(e.kind == "stuck" for e in result.events if e.unexplained)
         apart = "with its order held then" if held else "without that time"

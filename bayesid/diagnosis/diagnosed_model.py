@@ -226,7 +226,7 @@ def diagnosed_model(
     verdict: Verdict,
     trial: str,
     retuned: bool = True,
-    as_given: bool = False,
+    without_effects: bool = False,
 ) -> DiagnosedModel:
     """The diagnosed model behind a verdict.
 
@@ -234,14 +234,14 @@ def diagnosed_model(
     ----------
     trial : digest of what was diagnosed
     retuned : whether coefficients are re-tuned; else they are as stated, as well known as stated
-    as_given : whether no effect is in it, because the simulator as given predicts better than with any
+    without_effects : whether no effect is in it, because the simulator predicts no worse without any
 
     Raises
     ------
     ModelError
         if no hypothesis has a finite log evidence along its path
     """
-    chosen = [candidates.none] if as_given else _chosen(candidates, verdict)
+    chosen = [candidates.none] if without_effects else _chosen(candidates, verdict)
     each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
     fits, evidences, tuned = [], [], []
     for c in chosen:
@@ -298,7 +298,7 @@ def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
     told = d.result.retuning
     found = d.diagnosed or diagnosed_model(
         d.problem, d.candidates, d.verdict, d.trial.digest, told is None or told.kept,
-        told is not None and told.as_given,
+        told is not None and (told.as_given or told.alone),
     )  # fmt: skip
     return replace(found, failed_checks=failures(d.result))
 

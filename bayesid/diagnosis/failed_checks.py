@@ -9,7 +9,7 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
-from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
+from bayesid.diagnosis.hypotheses.rules import NAMING, OTHER_DEPENDENCE
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
@@ -132,8 +132,15 @@ def far_off(result: Result) -> str:
         for n, m in result.moved.items()
         if not (m.explained_open if used else m.open)
     }
-    completed = {n for n in moved if result.moved[n].completed}
     what = "The explanation needs" if used else "Re-tuning needs"
+    sized = {
+        n: (m.given, m.beside, m.prior_sd)
+        for n, m in result.moved.items()
+        if m.beside is not None and not m.beside_open
+    }
+    if used and sized and result.verdict in NAMING:
+        moved, what = sized, "The fit that the size told is from needs"
+    completed = {n for n in moved if result.moved[n].completed}
     why = (
         "They stand in for the force the equations lack and are no values of this vehicle."
         if result.model_form is not None

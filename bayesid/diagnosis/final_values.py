@@ -179,13 +179,16 @@ def result_of(
             explained.as_given,
             _number(explained.given_gain),
             _number(explained.given_error),
+            explained.coefficients_alone,
+            _number(explained.alone_gain),
+            _number(explained.alone_error),
         ),
         model_form=_form(problem, c, best),
         next_manoeuvre=proposals or (),
         next_asked=proposals is not None,
         warnings=tuple(told),
         runs=tuple(_run_error(r) for r in replays),
-        moved=_moved(model, problem, c.none, explained),
+        moved=_moved(model, problem, c.none, best, explained),
         runs_agree=agreement(best, len(problem.coefficients.names)) if gains and not best.widens else None,
         simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
@@ -217,10 +220,15 @@ def _sizes(model: Model, explained: ExplainedModel) -> dict[str, float]:
 
 
 def _moved(
-    model: Model, problem: DiagnosisProblem, none: RefittedHypothesis, explained: ExplainedModel
+    model: Model,
+    problem: DiagnosisProblem,
+    none: RefittedHypothesis,
+    best: RefittedHypothesis,
+    explained: ExplainedModel,
 ) -> dict[str, Moved]:
     """Coefficients of the vehicle file as given, re-tuned and explained, in its units."""
     stated, out = problem.stated, {}
+    other = best.effects and best.fit is not explained.fit
     known = dict(zip(explained.fit.free.names, explained.fit.sd, strict=True))
     for i, name in enumerate(stated.names):
         scale = model.file_scale(name)
@@ -232,6 +240,8 @@ def _moved(
             _number(none.fit.sd[i] / abs(scale)),
             _number(known[name] / abs(scale)) if name in known else None,
             name in model.vehicle.completed,
+            float(best.fit.values[i] / scale) if other else None,
+            _number(best.fit.sd[i] / abs(scale)) if other else None,
         )
     return out
 

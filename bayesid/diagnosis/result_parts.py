@@ -279,6 +279,14 @@ class Moved:
     completed: Annotated[
         bool, About("Whether the vehicle file does not state it: it was completed from the convention.")
     ] = False
+    beside: Annotated[
+        float | None,
+        About(
+            "Its value in the fit that the sizes of the effects told are from; null where that is the "
+            "explained one."
+        ),
+    ] = None
+    beside_sd: Annotated[float | None, About("Standard deviation of that.")] = None
 
     @property
     def deviations(self) -> float:
@@ -297,6 +305,12 @@ class Moved:
         """The same of the explained value."""
         sd = self.explained_sd
         return sd is not None and abs(self.explained - self.given) < SURELY_MOVED * sd
+
+    @property
+    def beside_open(self) -> bool:
+        """The same of the value beside the sizes told."""
+        value, sd = self.beside, self.beside_sd
+        return value is None or (sd is not None and abs(value - self.given) < SURELY_MOVED * sd)
 
 
 @dataclass(frozen=True)
@@ -333,6 +347,18 @@ class Retuning:
         About("As `gain`, of the simulator as given over the explanation; null where it was not asked."),
     ] = None
     given_error: Annotated[float | None, About("Its standard error over runs.")] = None
+    alone: Annotated[
+        bool,
+        About(
+            "Whether re-tuned coefficients alone predict in its place, without any effect, because they "
+            "predict runs left out better than it does, or the simulator as given, with stated ones."
+        ),
+    ] = False
+    alone_gain: Annotated[
+        float | None,
+        About("As `gain`, of that model over re-tuned coefficients alone; null where it was not asked."),
+    ] = None
+    alone_error: Annotated[float | None, About("Its standard error over runs.")] = None
 
 
 @dataclass(frozen=True)

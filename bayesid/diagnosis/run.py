@@ -142,7 +142,10 @@ def diagnose(
     if needs_none(verdict.word, verdict.rule, verdict.set95) and explained.effects:
         # a verdict that needs no effect is shown without one, though one may gain by chance
         explained = _explained(problem, none, warnings)
+    caused = bool(explained.effects)
     explained = explained.predicting(verdict.word in NAMING)
+    if caused and not explained.retuned:
+        explained = explained.or_retuned(_explained(problem, none, warnings))
     if explained.fit is not judged:  # a name is judged by what it explains; what is told is what predicts
         holdout = attempt(
             "held-out runs could not be predicted with the model that is shown",
@@ -175,7 +178,7 @@ def diagnose(
         diagnosed = attempt(
             NO_MODEL,
             lambda: diagnosed_model(
-                problem, candidates, verdict, trial.digest, explained.retuned, explained.as_given
+                problem, candidates, verdict, trial.digest, explained.retuned, explained.refused is not None
             ),
             None,
             warnings,

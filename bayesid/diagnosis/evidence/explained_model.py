@@ -11,13 +11,14 @@ unless re-tuning misses those runs by less, by more than one standard error over
 An explanation is itself held to that. One that the verdict names predicts unless it misses runs left out by
 more than the simulator as given does; one that is not named must miss them by less, by more than one
 standard error. Else that simulator predicts. Runs in other winds than those of the fit are such a case: what
-one hour's wind does is no property of the vehicle.
+one hour's wind does is no property of the vehicle. Where neither has coefficients re-tuned, and re-tuned
+coefficients alone miss runs left out by less than it, by more than one standard error, they predict.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +34,8 @@ from bayesid.estimation.run_data import Array
 
 # Most a run counts for, logarithm of a ratio of errors: a model that diverges misses by no finite number.
 MOST_LOG_RATIO = 5.0
+
+Misses = Sequence[Array | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +53,12 @@ class ExplainedModel:
     given_gain, given_error : the same of the simulator as given over the better of the two; nan where it was
         not asked
     given : the simulator as given along the runs, nothing free; None where it was not asked
-    refused : the fit of an explanation in whose place `fit` is the simulator as given; None where it stands
+    refused : the fit of an explanation in whose place `fit` is the simulator as given or, where `retuned`,
+        with re-tuned coefficients alone; None where it stands
+    alone_gain, alone_error : as `gain`, of what predicts without re-tuned coefficients over these alone; nan
+        where it was not asked
+    left, given_left : errors of `fit` and of the simulator as given, by channel of every run, left out of
+        the estimate
     """
 
     effects: tuple[str, ...]
@@ -62,18 +70,46 @@ class ExplainedModel:
     given_error: float = float("nan")
     given: FilterErrorFit | None = None
     refused: FilterErrorFit | None = None
+    alone_gain: float = float("nan")
+    alone_error: float = float("nan")
+    left: Misses = ()
+    given_left: Misses = ()
 
     def predicting(self, named: bool) -> ExplainedModel:
         """The model to predict with, given whether the verdict names the explanation."""
         least = 0.0 if named else self.given_error
         if self.given is None or not self.given_gain <= least:
             return self
-        return replace(self, effects=(), fit=self.given, retuned=False, refused=self.fit)
+        return replace(
+            self, effects=(), fit=self.given, retuned=False, refused=self.fit, left=self.given_left
+        )
 
     @property
     def as_given(self) -> bool:
         """Whether the simulator as given predicts in place of the explanation."""
-        return self.refused is not None
+        return self.refused is not None and not self.retuned
+
+    @property
+    def coefficients_alone(self) -> bool:
+        """Whether re-tuned coefficients alone predict in place of the explanation."""
+        return self.refused is not None and self.retuned
+
+    def or_retuned(self, coefficients: ExplainedModel) -> ExplainedModel:
+        """Re-tuned coefficients alone, in place of a model with stated ones, where they predict better."""
+        if self.retuned or not coefficients.retuned:
+            return self
+        gain, error = _left_out_gain(self.left, coefficients.left)
+        asked = replace(self, alone_gain=gain, alone_error=error)
+        if not gain > error:
+            return asked
+        return replace(
+            asked,
+            effects=(),
+            fit=coefficients.fit,
+            retuned=True,
+            refused=self.fit if self.refused is None else self.refused,
+            left=coefficients.left,
+        )
 
 
 def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> ExplainedModel:
@@ -91,17 +127,21 @@ def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> Exp
         if not kept:
             left = as_is
         found = ExplainedModel(refit.effects, refit.fit if kept else stated, kept, gain, error)
+    found = replace(found, left=left)
     if not found.fit.free.names:
         return found
     if not _stated_effects(refit):  # as stated, nothing is free: that is the simulator as given
-        return found if stated is None else replace(found, given=stated, given_gain=gain, given_error=error)
+        if stated is None:
+            return found
+        return replace(found, given=stated, given_gain=gain, given_error=error, given_left=as_is)
     if (nothing := _with_effects(problem, refit, ())) is None:
         return found
-    gain, error = _left_out_gain(_misses_without_each(problem, nothing), left)
-    return replace(found, given=nothing, given_gain=gain, given_error=error)
+    given = _misses_without_each(problem, nothing)
+    gain, error = _left_out_gain(given, left)
+    return replace(found, given=nothing, given_gain=gain, given_error=error, given_left=given)
 
 
-def _misses_without_each(problem: DiagnosisProblem, fitted: FilterErrorFit) -> list[Array | None]:
+def _misses_without_each(problem: DiagnosisProblem, fitted: FilterErrorFit) -> Misses:
     """Errors by channel of every run, left out of the estimate; None where the others give none."""
     out: list[Array | None] = []
     for i, log in enumerate(problem.logs):
@@ -115,7 +155,7 @@ def _misses_without_each(problem: DiagnosisProblem, fitted: FilterErrorFit) -> l
     return out
 
 
-def _left_out_gain(one: list[Array | None], other: list[Array | None]) -> tuple[float, float]:
+def _left_out_gain(one: Misses, other: Misses) -> tuple[float, float]:
     """Mean over runs, each left out of its estimate, of the logarithm of the error of the one over that of
     the other, and its standard error; nan where fewer than two runs can be told."""
     ratios = []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bayesid.diagnosis.answer import Answer, as_given
+from bayesid.diagnosis.answer import Answer
 from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT
 from bayesid.diagnosis.hypotheses.verdict import REFUTED
 from bayesid.diagnosis.plain_words import in_words, number, sentence
@@ -16,6 +16,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns
 from bayesid.diagnosis.summary import unsigned_zeros
+from bayesid.diagnosis.third_model import coefficients_alone, in_its_place
 from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
@@ -42,8 +43,9 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     if not rows:
         measured = [measures_table(result, a.labels)] if result.measures else []
         return [Text("No run could be replayed."), *measured]
-    seen = "The last column repeats the first and proves no explanation."
-    if not as_given(result):
+    which = "second" if coefficients_alone(result) else "first"
+    seen = f"The last column repeats the {which} and proves no explanation."
+    if not in_its_place(result):
         seen = f"What to see: {against_given(result.runs, a.labels)}"
         if missed := still_missed(result.runs, a.labels):
             seen += f" {missed}"

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnosis.answer import AS_GIVEN, as_given
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Horizon
+from bayesid.diagnosis.third_model import AS_GIVEN, RE_TUNED, in_its_place
 from bayesid.measures.angle_errors import turns_note
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import IN_DEGREES, in_words
@@ -27,8 +27,8 @@ MODELS = ("nominal", "recalibrated", "with effect")
 def proof_label(result: Result) -> str:
     """What the third model has: what the verdict names, or the best explanation, which may be more or nothing
     at all."""
-    if as_given(result):
-        return AS_GIVEN
+    if label := in_its_place(result):
+        return label
     used = result.explanation
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return "with the effect" if len(used) == 1 else "with the effects"
@@ -37,6 +37,8 @@ def proof_label(result: Result) -> str:
 
 def record_label(record: Mapping[str, Any]) -> str:
     """The same for a `diagnosis.json`, of which some do not say what their best explanation holds."""
+    if (record.get("retuning") or {}).get("alone", False):
+        return RE_TUNED
     if record_as_given(record):
         return AS_GIVEN
     return "with the effect" if record["verdict"] == "effect" else "best explanation"
