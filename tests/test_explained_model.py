@@ -113,6 +113,21 @@ def test_re_tuned_coefficients_alone_predict_where_runs_left_out_ask_for_them():
     assert own.or_retuned(coefficients) is own
 
 
+def test_a_run_that_the_others_lose_along_the_path_of_all_is_left_out_of_a_fit_of_its_own(monkeypatch):
+    problem, refit = refitted(0, False)
+    usual = module._misses_without_each(problem, refit.fit)
+    lost = problem.model.nominal.copy()
+    lost[problem.model.index["N_v"]] *= -1e4
+    monkeypatch.setattr(module, "_without", lambda fitted, run: lost)
+    assert np.isinf(module._misses(problem, problem.logs[0], lost)).any()
+    again = module._misses_without_each(problem, refit.fit)
+    for fitted, linear in zip(again, usual, strict=True):
+        assert np.isfinite(fitted).all() and np.abs(np.log(fitted / linear)).max() < 0.5
+    # the control: where the others cannot be fitted either, nothing is told of the run
+    monkeypatch.setattr(module, "fit", lambda *a, **k: (_ for _ in ()).throw(module.ModelError("no path")))
+    assert module._misses_without_each(problem, refit.fit) == [None] * len(problem.logs)
+
+
 def test_without_an_effect_the_model_as_stated_is_the_one_as_given_and_is_fitted_once(monkeypatch):
     problem, _ = refitted(0, True)
     none = weighted_hypothesis(problem, (), fit_with(problem, ()))
