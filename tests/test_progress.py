@@ -6,6 +6,7 @@ import io
 
 import pytest
 
+from bayesid.api.diagnose import diagnosis_route
 from bayesid.progress import Progress, RouteStep, set_quiet
 
 
@@ -103,3 +104,12 @@ def test_quiet_for_the_whole_process_silences_every_progress():
     finally:
         set_quiet(False)
     assert log.getvalue() == ""
+
+
+def test_a_diagnosis_in_six_degrees_of_freedom_goes_the_same_steps_with_shares_of_its_own():
+    for asked in ((True, True, True), (False, False, True)):
+        plane, space = diagnosis_route(*asked), diagnosis_route(*asked, True)
+        assert [s.begins for s in plane] == [s.begins for s in space]
+        assert plane[0].share > 2.0 * space[0].share and plane[3].share < 0.5 * space[3].share
+    for route in (diagnosis_route(True, True, True), diagnosis_route(True, True, True, True)):
+        assert sum(step.share for step in route) == pytest.approx(1.0)

@@ -65,6 +65,11 @@ ROUTE = {
     "draws": RouteStep(("posterior",), 0.16),
     "model": RouteStep(("model for predictions",), 0.07),
 }
+# Usual shares in six degrees of freedom, where reading costs little beside refits.
+SPATIAL_SHARES = {
+    "read": 0.04, "none": 0.02, "screen": 0.02, "refits": 0.62, "held-out": 0.1, "next": 0.1, "draws": 0.04,
+    "model": 0.06,
+}  # fmt: skip
 # Folder of refits beside the results while a diagnosis is under way.
 JOURNAL = "refits"
 # Samples to identify above which dense readings are averaged: a planar vehicle then takes a minute or two.
@@ -132,7 +137,7 @@ def diagnose(
         return ready(of, model, resample, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
-        told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
+        told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model, model.dof == 6))
         if before := 0 if kept is None else len(list(kept.glob(f"*{SUFFIX}"))):
             shown.note(
                 f"goes on with {before} refits kept of a diagnosis that was stopped; the log is read again"
@@ -219,10 +224,17 @@ def threads_of(trial: Trial, model: Model, wanted: int | None) -> int:
     return max(count, 1)
 
 
-def diagnosis_route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
+def diagnosis_route(
+    next_manoeuvre: bool, draws: bool, keep_model: bool, spatial: bool = False
+) -> list[RouteStep]:
     """Steps that a diagnosis goes through; shares of the time as measured on the practice bundles."""
     asked = {"next": next_manoeuvre, "draws": draws, "model": keep_model}
-    return [step for name, step in ROUTE.items() if asked.get(name, True)]
+    shares = SPATIAL_SHARES if spatial else {}
+    return [
+        replace(step, share=shares.get(name, step.share))
+        for name, step in ROUTE.items()
+        if asked.get(name, True)
+    ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

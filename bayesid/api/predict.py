@@ -190,7 +190,7 @@ def _model(
         )
     diagnosis = diagnose(
         with_shaft_speed(trial, model.vehicle), model, seed=seed, plan_next=False, keep_model=True,
-        notify=progress.route(diagnosis_route(False, False, True)),
+        notify=progress.route(diagnosis_route(False, False, True, model.dof == 6)),
     )  # fmt: skip
     found = diagnosed_model_of(diagnosis)
     if out is not None:
