@@ -27,13 +27,15 @@ TOLD = {
     "vehicle's steering": "the turn after its rudders",
     "vehicle's drift": "how it slides as it turns",
     "vehicle's pitch": "how it pitches for its planes", "vehicle's heave": "how it heaves as it pitches",
+    "fixes": "the fixes against the integrated velocities",
     "wind": "how the ship moves in it",
 }  # fmt: skip
 
 
 def finding_sentence(finding: InputFinding) -> str:
     """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
-    where = "" if finding.all_runs else f" in {and_list(finding.runs)}"
+    told_where = finding.correction is not None and finding.correction.names_runs
+    where = "" if finding.all_runs or told_where else f" in {and_list(finding.runs)}"
     told = and_list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = (
         f"; these runs do not tell it from: {'; '.join(finding.also)} (that one of all these is wrong has "

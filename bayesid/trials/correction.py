@@ -16,6 +16,7 @@ import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
 from bayesid.trials.kinematics.blocks import joined
+from bayesid.trials.left_out import LeftOut, read_left_out
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.true_wind import READINGS, TRUE, true_wind
 
@@ -37,6 +38,7 @@ class Correction:
     ----------
     drop : channels that are not to be read
     skip_repeats : channels of which a reading equal to the one before is an empty cell
+    leave_out : readings that are empty cells, each of one run between two times
     rename : channel -> what it really is, e.g. {"u": "u_water"}
     geographic : x and y hold latitude and longitude in degrees
     exchange : pairs of channels whose columns are exchanged
@@ -54,6 +56,7 @@ class Correction:
 
     drop: tuple[str, ...] = ()
     skip_repeats: tuple[str, ...] = ()
+    leave_out: tuple[LeftOut, ...] = ()
     rename: Mapping[str, str] = field(default_factory=dict)
     geographic: bool = False
     exchange: tuple[tuple[str, str], ...] = ()
@@ -73,6 +76,7 @@ class Correction:
         out = {
             *self.drop,
             *self.skip_repeats,
+            *(name for one in self.leave_out for name in one.channels),
             *self.rename,
             *self.rename.values(),
             *self.scale,
@@ -88,7 +92,15 @@ class Correction:
 
     def of(self, run: Run) -> bool:
         """Whether the run is concerned."""
-        return not self.runs or run.name in self.runs
+        own = self.names_runs
+        return run.name in own if own else not self.runs or run.name in self.runs
+
+    @property
+    def names_runs(self) -> tuple[str, ...]:
+        """Runs that its entries name one by one; none where it does more than leave readings out."""
+        if self != Correction(leave_out=self.leave_out):
+            return ()
+        return tuple(dict.fromkeys(one.run for one in self.leave_out))
 
     def lines(self, digits: int = 6) -> tuple[str, ...]:
         """The table of trial.toml without its header."""
@@ -110,6 +122,9 @@ def apply(correction: Correction, run: Run) -> Run:
     for name in correction.skip_repeats:
         if name in run.data:
             series[name] = _without_repeats(series[name])
+    for one in correction.leave_out:
+        if one.run == run.name:
+            series = one.emptied(run.t, series)
     series = {correction.rename.get(k, k): v for k, v in series.items()}
     if correction.geographic and {"x", "y"} <= set(series):
         series["x"], series["y"] = _metres(series["x"], series["y"])
@@ -163,8 +178,9 @@ def join(corrections: Sequence[Correction]) -> Correction | None:
             for c in (out, one)
         )
         both, shared = mine & its - {"runs"}, out.channels & one.channels
-        timed = {"time_scale"} & (mine ^ its) and {"late", "from_time"} & (mine | its)
-        if out.runs != one.runs or timed or (shared and not both <= {"scale", "offset", "time_scale"}):
+        timed = {"time_scale"} & (mine ^ its) and {"late", "from_time", "leave_out"} & (mine | its)
+        added = {"scale", "offset", "time_scale", "leave_out"}
+        if out.runs != one.runs or timed or (shared and not both <= added):
             return None
         if shared and mine - {"runs"} != its - {"runs"}:
             return None
@@ -193,6 +209,7 @@ def _turned(axes: Correction, heading: Correction) -> bool:
     """Whether one turns u and v by a heading that the other changes before, in one table."""
     early = {*heading.drop, *heading.skip_repeats, *heading.rename, *heading.rename.values(), *heading.scale}
     early |= {name for pair in heading.exchange for name in pair}
+    early |= {name for one in heading.leave_out for name in one.channels}
     early |= {"psi"} if heading.heading_from == "east" else set()
     return axes.velocity_axes == "earth" and "psi" in early
 
@@ -228,6 +245,15 @@ def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:
         f"[corrections] {entry} changes nothing: no run logs {', '.join(named)}; they hold {there}"
         for entry, names, have in asked
         if (named := sorted(names)) and not have & set(named)
+    ]
+    series = {
+        run.name: {k: (run.t, v) for g in run.GROUPS if g != "extra" for k, v in getattr(run, g).items()}
+        for run in runs
+    }
+    out += [
+        f"[corrections] leave_out changes nothing: {why}"
+        for one in correction.leave_out
+        if (why := one.without_effect(series))
     ]
     unknown = [name for name in correction.runs if name not in {run.name for run in runs}]
     if unknown:
@@ -276,6 +302,8 @@ def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
 
 
 def _toml(value: Any, digits: int = 6) -> str:
+    if isinstance(value, LeftOut):
+        return value.toml()
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
@@ -329,6 +357,8 @@ def _checked(key: str, given: Any, problems: list[str]) -> Any:
         if not isinstance(given, dict):
             problems.append(f'{place} must be a table, e.g. rename = {{ u = "u_water" }}')
         return dict(given) if ok else None
+    if key == "leave_out":
+        return read_left_out(given, place, problems)
     if key in ("drop", "skip_repeats", "runs"):
         if not isinstance(given, list) or not all(isinstance(v, str) for v in given):
             problems.append(f"{place} must be a list of names")

@@ -14,7 +14,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from bayesid.model.channels import CHANNELS
 from bayesid.model.file_keys import DIALECT, schema_text, table_schema, write_beside
+from bayesid.trials import left_out
 from bayesid.trials.correction import TEXTS, Correction
+from bayesid.trials.left_out import LeftOut
 from bayesid.trials.stated import ENVIRONMENT, KEYS, MAX_RUNS, RUN_KEYS
 
 FILE = "trial.schema.json"  # beside trial.toml, so that an editor finds it wherever the folder goes
@@ -79,6 +81,8 @@ def _of_type(kind: Any) -> dict[str, Any]:
     """Schema of the type of a field of `Correction`."""
     if kind in (str, bool, float):
         return {"type": {str: "string", bool: "boolean", float: "number"}[kind]}
+    if kind is LeftOut:
+        return left_out.schema()
     inner = get_args(kind)
     if get_origin(kind) is tuple and inner[-1] is Ellipsis:
         return {"type": "array", "items": _of_type(inner[0])}

@@ -114,7 +114,7 @@ def _track(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     blocks = Blocks(s.t, s.read("x", "y"), s.known(*names), BLOCKS, READINGS)
     if blocks.span.size < FEWEST:
         return None
-    velocity, psi = _level(s, along, side), s["psi"]
+    velocity, psi = level_velocity(s, along, side), s["psi"]
     turned = velocity * np.exp(1j * psi)
     moved = blocks.change(s["x"]) + 1j * blocks.change(s["y"])
     swung = np.gradient(psi, s.t)
@@ -292,7 +292,7 @@ def _path_angle(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     )
 
 
-def _level(s: Joined, along: str, side: str) -> np.ndarray:
+def level_velocity(s: Joined, along: str, side: str) -> np.ndarray:
     """Velocity in level axes turned by heading only, u + i v; pitch and roll taken out where logged."""
     u = s[along]
     v = s[side] if s.has(side) else np.zeros(u.shape)

@@ -50,7 +50,7 @@ def frozen(base: Sequence[Base]) -> list[Weighed]:
 def _at_once(base: Sequence[Base], found: Sequence[Weighed]) -> list[Weighed]:
     """Columns that froze together, at least two: one receiver, one mistake."""
     frozen_at = {
-        w.mistake.channels[0]: [_samples(one.run, w.mistake.channels[0]) for one in base] for w in found
+        w.mistake.channels[0]: [frozen_samples(one.run, w.mistake.channels[0]) for one in base] for w in found
     }
     groups: list[list[Weighed]] = []
     for w in found:
@@ -76,7 +76,7 @@ def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
     return Weighed(mistake, odds, {"size": odds})
 
 
-def _samples(run: Run, name: str) -> np.ndarray:
+def frozen_samples(run: Run, name: str) -> np.ndarray:
     """Whether a column is frozen at each sample of a run."""
     out = np.zeros(run.n_samples, dtype=bool)
     for first, last in _frozen(run, name):

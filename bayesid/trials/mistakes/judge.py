@@ -116,6 +116,7 @@ def check_input(
     from bayesid.trials.mistakes.along_track import along_track
     from bayesid.trials.mistakes.contrary import contrary
     from bayesid.trials.mistakes.frozen import frozen
+    from bayesid.trials.mistakes.lost_bottom import lost_bottom
     from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
     from bayesid.trials.mistakes.sized import sized
@@ -128,6 +129,7 @@ def check_input(
         asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base), *contrary(base), *along_track(base)]
+        every += lost_bottom(base)
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
@@ -262,14 +264,16 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     near = [k for k, (other, s, *_) in enumerate(ready) if other is not w and s > score - ALSO]
     also = tuple(ready[k][0].mistake.name for k in near)
     together = own + float(probability[1:][near].sum()) if near else 0.0
-    concerned = tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     correction = w.mistake.correction
-    if correction is not None and part:
+    own_runs = correction.names_runs if correction is not None else ()
+    concerned = own_runs or tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
+    whole_trial = not part and (not own_runs or len(own_runs) == len(names))
+    if correction is not None and part and not own_runs:
         correction = replace(correction, runs=concerned)
     before, after = w.level(chosen)
     return InputFinding(
-        w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, own, w.told_by(chosen),
-        before, after, correction, also, together, score - _of_vehicle(w, chosen),
+        w.mistake.name, w.mistake.says, w.mistake.channels, concerned, whole_trial, own,
+        w.told_by(chosen), before, after, correction, also, together, score - _of_vehicle(w, chosen),
     )  # fmt: skip
 
 
