@@ -72,8 +72,8 @@ SPATIAL_SHARES = {
 }  # fmt: skip
 # Folder of refits beside the results while a diagnosis is under way.
 JOURNAL = "refits"
-# Samples to identify above which dense readings are averaged: a planar vehicle then takes a minute or two.
-MOST_SAMPLES = 5_000
+# Samples to identify above which dense readings are averaged: a planar vehicle then takes 5 to 30 s.
+MOST_SAMPLES = 1_000
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
