@@ -158,7 +158,7 @@ def test_a_fast_log_is_said_to_be_averaged_and_one_that_cannot_be_has_a_command_
     assert ahead.readings == 12000 and ahead.used < 0.2 * 12000 and ahead.coarser is None
     assert f"averaged to {ahead.used}, {ahead.used_spacing:.3g} s apart" in ahead.sentences()[0]
     # orders that change with every reading are averaged as well
-    assert outlook(replace(trial, runs=(sailed("r1", busy=True),))).used <= ahead.used
+    assert outlook(replace(trial, runs=(sailed("r1", busy=True),))).used <= 1000
     # of runs read at two rates one noise does not hold: they keep every reading
     unlike = outlook(replace(trial, runs=(sailed("r1"), sailed("r2", every=2))))
     assert unlike.used == unlike.readings == 18000 and unlike.held_out == ()
