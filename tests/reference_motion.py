@@ -188,6 +188,11 @@ def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0), met=(0.0, 0.0, 0.0
             values = vehicle.propulsion.values
             if "Q_ref" in values:  # reaction of the propeller
                 force[3] += values["Q_ref"] * n * abs(n) / values["rpm_ref"] ** 2
+            if "Kq0" in values:
+                rps, D = n / 60.0, values["D"]
+                J = max(0.0, water[0] * (1.0 - values["w"]) / (rps * D))
+                K_Q = values["Kq0"] * (1.0 - (J / values["Kq_a"]) ** values["Kq_b"])
+                force[3] -= vehicle.rho * rps * abs(rps) * D**5 * K_Q
         out = np.zeros(12)
         out[:3] = R @ nu[:3]
         p, q, r = nu[3:]

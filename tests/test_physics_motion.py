@@ -4,6 +4,7 @@ Planar runs are compiled; in six degrees of freedom the rates are compared point
 compiler, and compiled runs are marked slow.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +16,8 @@ from vehicle_sets import ROW_SETS
 
 from bayesid.equations.layout import KernelSpec
 from bayesid.equations.model import build_model
-from bayesid.model.vehicles import load_vehicle
+from bayesid.model.propulsion import propeller_moment
+from bayesid.model.vehicles import Propulsion, load_vehicle
 from bayesid.simulation import (
     gradient,
     gradient_batch,
@@ -84,6 +86,29 @@ def test_rates_agree_with_equations_written_out_by_hand(name, dof):
         state, fins, n = random_state(model, np.random.default_rng(seed))
         found = kernel_rate(model, "bare", state, fins, n, model.nominal)
         assert same(found, rate(state, fins, n), model, 1e-11)
+
+
+def test_a_propeller_with_an_open_water_torque_lists_the_vehicle_as_written_out_by_hand():
+    """Right-handed: to port ahead, to starboard astern; without `Kq_a` with the square of the revolutions."""
+    curve = {"Kt0": 0.45, "a": 1.1, "b": 1.0, "w": 0.06, "t": 0.1, "D": 0.14, "rpm_ref": 850.0}
+    turning = {**curve, "Kq0": 0.07, "Kq_a": 1.2, "Kq_b": 1.3}
+    vehicle = replace(load_vehicle("nps_auv2"), propulsion=Propulsion("kt", turning))
+    model = build_model(vehicle, 6)
+    rate = make_rate(vehicle)
+    still = model.with_values({"Kq0": 0.0})
+    for seed in range(5):
+        state, fins, n = random_state(model, np.random.default_rng(seed))
+        for turns in (n, -n):
+            found = kernel_rate(model, "bare", state, fins, turns, model.nominal)
+            assert same(found, rate(state, fins, turns), model, 1e-11)
+            assert not same(found, kernel_rate(model, "bare", state, fins, turns, still), model, 1e-6)
+    astern, ahead = propeller_moment("kt", turning, 1000.0, 0.5, [-600.0, 600.0])
+    assert ahead < 0.0 < astern
+    constant = {k: v for k, v in turning.items() if k not in ("Kq_a", "Kq_b")}
+    moment = propeller_moment("kt", constant, 1000.0, [0.0, 1.0, 2.0], 600.0)
+    np.testing.assert_allclose(moment, -1000.0 * 10.0**2 * 0.14**5 * 0.07, rtol=1e-9)
+    zero = 1.2 * 10.0 * 0.14 / 0.94
+    assert propeller_moment("kt", turning, 1000.0, zero, 600.0) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(("name", "dof"), BOTH)

@@ -65,6 +65,27 @@ def test_bare_plant_equals_a_vector_formulation_integrated_by_dop853(name, dof):
     assert np.abs(track.states[-1, :12] - state).max() < 1e-4
 
 
+def test_the_plant_lists_with_the_torque_of_an_open_water_curve():
+    curve = {"Kt0": 0.45, "a": 1.1, "b": 1.0, "w": 0.06, "t": 0.1, "D": 0.14, "rpm_ref": 850.0}
+    turning = Propulsion("kt", {**curve, "Kq0": 0.07, "Kq_a": 1.2, "Kq_b": 1.3})
+    vehicle = replace(load_vehicle("nps_auv2"), propulsion=turning)
+    t, orders = np.arange(11) * 1.0, np.tile([0.0, 0.0, 850.0], (11, 1))
+    tracks = []
+    for one in (vehicle, replace(vehicle, propulsion=Propulsion("kt", curve))):
+        body = build(one, one.coef, 6, NOTHING)
+        tracks.append(execute_run(body, NOTHING, t, orders, start_state(1.2, 0.0, 10.0, NOTHING, (0.0, 0.0))))
+    done = solve_ivp(
+        lambda now, y: make_rate(vehicle)(y, (0.0, 0.0, 0.0), 850.0),
+        (0.0, 10.0),
+        start_state(1.2, 0.0, 10.0, NOTHING, (0.0, 0.0))[:12],
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-10,
+    )
+    assert np.abs(tracks[0].states[-1, :12] - done.y[:, -1]).max() < 1e-4
+    assert tracks[0].states[-1, 3] < tracks[1].states[-1, 3] - 1e-4  # to port; the control has no torque
+
+
 @pytest.mark.parametrize(
     ("name", "duration", "dt", "angle"), [("generic_sub", 600, 1.0, 15), ("remus100", 210, 0.5, 10)]
 )

@@ -21,6 +21,7 @@ from bayesid.equations.formulas import (
     KINEMATICS_3,
     KINEMATICS_6,
     KT_THRUST,
+    KT_TORQUE,
     PRESSURE_GRADIENT,
     RIGID_BODY,
     STATICS,
@@ -92,6 +93,9 @@ def build(spec: KernelSpec, effects: tuple[Effect, ...], active: bool) -> Dynami
     if spec.dof == 6:
         torque = dyn.graph.parse(TORQUE, {**at.const, **at.inputs})
         wrench["K"] = dyn.graph.add(wrench["K"], torque)
+        if spec.propulsion == "kt":
+            torque = dyn.graph.parse(KT_TORQUE, {**at.const, **at.water, **at.inputs})
+            wrench["K"] = dyn.graph.add(wrench["K"], torque)
     for shape in spec.named:
         for force, arms in kind_of(shape).parts(shape):
             push = dyn.graph.parse(force, {**at.const, **at.water, **at.inputs})

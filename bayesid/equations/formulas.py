@@ -39,10 +39,10 @@ KINEMATICS_6 = {
     "psi": "(q*sin(phi) + r*cos(phi))/cos(theta)",
 }
 # Open-water curve K_T = Kt0 (1 - (J/a)^b), J = u (1 - w)/(n D) clipped at 0, thrust odd in n, n in rev/s.
-KT_THRUST = (
-    "(1 - t_p)*rho*D**4*Kt0*n*abs(n)/3600"
-    "*(1 - (max(u*(1 - w_p)*60/(D*kt_a*(sgn(n)*max(abs(n), 1e-6) + (1 - abs(sgn(n)))*1e-6)), 0))**kt_b)"
-)
+_ADVANCE = "max(u*(1 - w_p)*60/(D*{zero}*(sgn(n)*max(abs(n), 1e-6) + (1 - abs(sgn(n)))*1e-6)), 0)"
+KT_THRUST = f"(1 - t_p)*rho*D**4*Kt0*n*abs(n)/3600*(1 - ({_ADVANCE.format(zero='kt_a')})**kt_b)"
+# The same for its torque, whose reaction on the hull is to port where it turns right-handed.
+KT_TORQUE = f"-rho*D**5*Kq0*n*abs(n)/3600*(1 - ({_ADVANCE.format(zero='kq_a')})**kq_b)"
 # Reaction of the propeller on the hull, `torque_ref` at the reference revolutions.
 TORQUE = "torque_ref*n*abs(n)/rpm_ref**2"
 # Velocity of the water in body axes; and what turning axes add to its rate: -omega x c.

@@ -74,6 +74,7 @@ VERTICAL = (
     "torque_ref",
 )
 KT = ("Kt0", "kt_a", "kt_b", "w_p", "t_p", "D")
+KT_TURNS = ("Kq0", "kq_a", "kq_b")
 FIN = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 
 
@@ -126,7 +127,7 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
     for fin in fins:
         names += [f"inverse_rate_{FIN[fin]}", f"servo_lag_{FIN[fin]}", f"limit_{FIN[fin]}"]
     if spec.propulsion == "kt":
-        names += KT
+        names += KT if spec.dof == 3 else (*KT, *KT_TURNS)
     if spec.propulsion == "mmg":
         names += (*GEOMETRY, *AIR)
     if spec.eta:

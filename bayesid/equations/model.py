@@ -15,11 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesid.equations.layout import KernelSpec
+from bayesid.equations.layout import KT_TURNS, KernelSpec
 from bayesid.equations.runtime import Declared, Kernel, load_kernel
 from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import CATALOGUE, Effect
 from bayesid.model.effects.named import named_effects
+from bayesid.model.propulsion import torque_curve
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
@@ -315,6 +316,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     if vehicle.propulsion.model == "kt":
         p = vehicle.propulsion.values
         values |= {"Kt0": p["Kt0"], "kt_a": p["a"], "kt_b": p["b"], "w_p": p["w"], "t_p": p["t"], "D": p["D"]}
+        values |= dict(zip(KT_TURNS, torque_curve(p), strict=True))  # read in six axes only
     if vehicle.propulsion.model == "mmg":
         values |= {name: vehicle.propulsion.values[name] for name in GEOMETRY}
         values |= {name: vehicle.dimensions.get(name, usual) for name, usual in AIR.items()}

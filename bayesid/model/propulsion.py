@@ -1,7 +1,7 @@
-"""Propulsion: from the parameters a vehicle file states to the surge force they mean.
+"""Propulsion: from the parameters a vehicle file states to the surge force and heeling moment they mean.
 
 Takes: a model name and its numbers. Gives: the SI coefficients of the X_prop_* rows, or, for `kt`, a force.
-Does not: know hull, shaft dynamics or torque; n is the shaft speed [rpm], u the speed through the water.
+Does not: know hull or shaft dynamics; n is the shaft speed [rpm], u the speed through the water.
 
 One triple (a, b, c) holds over the whole range here; Gertler and Hagen's switch of triples by ranges of eta
 is not covered, so a `polynomial` set is trustworthy near eta = 1 and ahead.
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from bayesid.model.ship_forces import ship_forces
 from bayesid.model.terms import TERMS
 
+WHATEVER_J = 1e12  # advance ratio at which a torque vanishes that does not change with it
 ROWS = tuple(row.name for row in TERMS if row.group == "propulsion")
 
 
@@ -123,7 +124,8 @@ MODELS: dict[str, PropulsionModel] = {
         ),
         PropulsionModel(
             "kt",
-            "X = (1-t) rho n|n| D^4 Kt0 (1 - (J/a)^b), J = max(0, u (1-w)/(n D)), n in rev/s; 0 at n = 0",
+            "X = (1-t) rho n|n| D^4 Kt0 (1 - (J/a)^b), J = max(0, u (1-w)/(n D)), n in rev/s; 0 at n = 0; "
+            "K = -rho n|n| D^5 Kq0 (1 - (J/Kq_a)^Kq_b), Kq0 < 0 if left-handed; without Kq_a whatever J",
             {
                 "Kt0": _positive("-"),
                 "a": _positive("-"),
@@ -131,6 +133,9 @@ MODELS: dict[str, PropulsionModel] = {
                 "w": PropulsionParameter("-", -1.0, 1.0, default=0.0),
                 "t": PropulsionParameter("-", -1.0, 1.0, default=0.0),
                 "D": _positive("m"),
+                "Kq0": PropulsionParameter("-", -1.0, 1.0, required=False),
+                "Kq_a": _positive("-", required=False),
+                "Kq_b": _positive("-", required=False),
                 "rpm_ref": _RPM_REF,
             },
             "yasukawa2015",
@@ -201,9 +206,7 @@ def propulsion_force(
     """
     u, n = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(n, dtype=float))
     if model == "kt":
-        rps = n / 60.0
-        turning = np.where(rps == 0.0, 1.0, rps)
-        advance = np.maximum(0.0, u * (1.0 - values["w"]) / (turning * values["D"]))
+        rps, advance = _advance(values, u, n)
         thrust_coefficient = values["Kt0"] * (1.0 - (advance / values["a"]) ** values["b"])
         return (1.0 - values["t"]) * rho * rps * np.abs(rps) * values["D"] ** 4 * thrust_coefficient
     if model == "mmg":
@@ -212,3 +215,30 @@ def propulsion_force(
     c = propulsion_rows(model, values, rho, length)
     drag = c["X_prop_u|u|"] * u * np.abs(u) + c["X_prop_un"] * u * n
     return drag + c["X_prop_n|n|"] * n * np.abs(n) + c["X_prop_n"] * n
+
+
+def torque_curve(values: Mapping[str, float]) -> tuple[float, float, float]:
+    """Kq0, Kq_a and Kq_b of a `kt` propeller: 0 without a torque, the same at every J without Kq_a."""
+    return values.get("Kq0", 0.0), values.get("Kq_a", WHATEVER_J), values.get("Kq_b", 1.0)
+
+
+def propeller_moment(
+    model: str, values: Mapping[str, float], rho: float, u: ArrayLike, n: ArrayLike
+) -> np.ndarray:
+    """Heeling moment of the propeller on the hull [N m] at speed u [m/s] through the water and shaft speed n
+    [rpm], as `Kq0` or `Q_ref` states it, else 0; u and n broadcast.
+    """
+    u, n = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(n, dtype=float))
+    if model != "kt":
+        return values.get("Q_ref", 0.0) * n * np.abs(n) / values.get("rpm_ref", 1.0) ** 2
+    rps, advance = _advance(values, u, n)
+    at_rest, zero, power = torque_curve(values)
+    coefficient = at_rest * (1.0 - (advance / zero) ** power)
+    return -rho * rps * np.abs(rps) * values["D"] ** 5 * coefficient
+
+
+def _advance(values: Mapping[str, float], u: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Revolutions [rev/s] and advance ratio of a `kt` propeller, not below 0."""
+    rps = n / 60.0
+    turning = np.where(rps == 0.0, 1.0, rps)
+    return rps, np.maximum(0.0, u * (1.0 - values["w"]) / (turning * values["D"]))

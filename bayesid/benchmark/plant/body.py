@@ -28,7 +28,8 @@ _TOKEN = re.compile(r"\|[uvwpqr]\||d[rsb]|[uvwpqr]")
 _NUMBERS = ("rho", "L", "U0", "n_ref", "height", "m", "xG", "yG", "zG", "xB", "yB", "zB", "W", "B",
             "Ix", "Iy", "Iz", "Ixy", "Ixz", "Iyz", "uu", "un", "nn", "n1", "kt", "kt_a", "kt_b", "wake",
             "deduction", "D", "dr_max", "dr_rate", "ds_max", "ds_rate", "plain_abs", "planar", "strip_y",
-            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m", "q_ref")  # fmt: skip
+            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m", "q_ref",
+            "kq", "kq_a", "kq_b")  # fmt: skip
 _KIND = np.dtype([(name, "f8") for name in _NUMBERS])
 
 
@@ -221,6 +222,7 @@ def _propulsion(b: np.void, vehicle: Vehicle) -> None:
         case "kt":
             b["kt"], b["kt_a"], b["kt_b"], b["D"] = p["Kt0"], p["a"], p["b"], p["D"]
             b["wake"], b["deduction"] = p["w"], p["t"]
+            b["kq"], b["kq_a"], b["kq_b"] = p.get("Kq0", 0.0), p.get("Kq_a", math.inf), p.get("Kq_b", 1.0)
         case other:
             raise ModelError(f"the plant does not know the propulsion model {other!r}")
 

@@ -50,6 +50,17 @@ def thrust_of(u, n, b):
 
 
 @njit(cache=True)
+def moment_of(u, n, b):
+    """Heeling moment of a propeller with an open-water curve [N m]: a right-handed one lists to port."""
+    if b.D <= 0.0 or n == 0.0:
+        return 0.0
+    rps = n / 60.0
+    advance = max(0.0, u * (1.0 - b.wake) / (rps * b.D))
+    full = b.rho * rps * abs(rps) * b.D**5 * b.kq
+    return -full * (1.0 - (advance / b.kq_a) ** b.kq_b)
+
+
+@njit(cache=True)
 def _rudder_angle(delta, u, v, r, b, g):
     """Angle that counts for the lift: soft or hard stall."""
     if g.stall > 0.0:
@@ -111,7 +122,7 @@ def shaft(t, n, lift, b, g, s, F):
         F[0] -= g.step_d * grown * u * abs(u)
     F[1] += g.side * push
     F[5] -= 0.5 * b.L * g.side * push
-    F[3] += (b.q_ref + g.torque) * n * abs(n) / b.n_ref**2
+    F[3] += (b.q_ref + g.torque) * n * abs(n) / b.n_ref**2 + moment_of(u, n, b)
     race = b.U0**2 * n * abs(n) / b.n_ref**2
     extra = g.slip * (race - u * abs(u)) + g.jet * race
     F[1] += extra * b.Y_dr * lift
