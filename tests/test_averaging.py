@@ -167,6 +167,21 @@ def test_a_channel_slower_than_the_rows_keeps_its_own_readings_and_noise():
     assert out.noise["u"] == NOISE["u"]
 
 
+@pytest.mark.parametrize("n", [2, 5, 12])
+def test_a_run_shorter_than_two_blocks_becomes_one_average_and_stops_no_other(n):
+    """It ended in an IndexError."""
+    short = straight(n)
+    out = averaged(trial_of([straight(), replace(short, name="short")]), L_U, 500)
+    assert out.runs[0].n_samples < 0.2 * 4000 and out.noise["psi"] == pytest.approx(
+        NOISE["psi"] / np.sqrt(10)
+    )
+    run = out.runs[1]
+    good = np.isfinite(run.data["psi"])
+    assert run.n_samples == 3 and good.sum() == 1
+    assert run.t[0] == short.t[0] and run.t[-1] == pytest.approx(short.t[-1])
+    np.testing.assert_allclose(run.data["psi"][good], 0.3 + 0.002 * run.t[good], atol=1e-12)
+
+
 def test_a_fit_finds_the_same_under_an_autopilot_and_with_sensors_of_different_rates():
     # an order that changes with every sample; fixes read every 20th, speeds every 4th
     model = model_of("remus100")

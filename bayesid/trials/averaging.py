@@ -100,9 +100,13 @@ def _counts(first: int, last: int) -> Iterator[int]:
 
 def _averaged(trial: Trial, width: float, count: int) -> tuple[Trial, float] | None:
     """Runs averaged over blocks of `width` [s], and the most left of a bend; None: unlike rates."""
-    runs, factors = [], []
+    runs, factors = list[Run](), list[dict[str, float]]()
     for run in trial.runs:
-        out, held = _run(run, width, count)
+        if run.duration < 2.0 * width:  # too short for its rate to tell: one average of all
+            out, _ = _run(run, run.duration + width / count, run.n_samples)
+            held = dict[str, float]()
+        else:
+            out, held = _run(run, width, count)
         runs.append(out)
         factors.append(held)
     noise = dict(trial.noise)
@@ -124,6 +128,8 @@ def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
     # blocks begin with the run, or so that the readings of a seldom channel are in their middles: what needs
     # the fewest samples
     begins = [-0.5 * width / count, *sorted({float((b - 0.5 * width) % width) - width for b in firsts})]
+    if width > run.duration:  # one block
+        begins = begins[:1]
     grid = min((_Grid(run, width, begin) for begin in begins), key=lambda g: g.t.size)
     commands = {name: grid.order(values) for name, values in run.commands.items()}
     groups: dict[str, Any] = {"data": grid.data(), "commands": commands}
@@ -165,7 +171,8 @@ class _Grid:
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
         extra += [_off(kept, times, BESIDE * width) for times in read]
-        self.t = np.unique(np.concatenate([kept, *extra]))
+        ends = t[[0, -1]] if kept.size < 2 else t[:0]
+        self.t = np.unique(np.concatenate([kept, ends, *extra]))
         self._at = np.searchsorted(self.t, kept)
 
     def _moving(self, moves: np.ndarray) -> bool:
@@ -225,7 +232,7 @@ def _nearest(samples: Floats, t: Floats) -> np.ndarray:
 
 def _off(samples: Floats, t: Floats, beside: float) -> Floats:
     """Times between the first and last sample that are farther than `beside` from every one."""
-    inside = t[(t > samples[0]) & (t < samples[-1])]
+    inside = t[(t > samples[0]) & (t < samples[-1])] if samples.size else t[:0]
     return inside[np.abs(samples[_nearest(samples, inside)] - inside) > beside]
 
 
