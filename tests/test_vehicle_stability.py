@@ -136,6 +136,14 @@ def test_an_unphysical_number_is_found(change, words):
     assert any(re.search(words, text) for text in found), found
 
 
+def test_a_torque_of_the_propeller_stated_twice_is_a_warning():
+    boat = load_vehicle("remus100")
+    assert boat.propulsion.values["Q_ref"] != 0.0
+    twice = replace(boat, coef=boat.coef | {"K_*": -1e-4})
+    told = [[f.text for f in check_vehicle(b) if "counts twice" in f.text] for b in (twice, boat)]
+    assert len(told[0]) == 1 and told[0][0].startswith("Q_ref and K_* both") and told[1] == []
+
+
 def test_an_unstable_boat_and_missing_coupling_are_notes_not_warnings():
     texts = " ".join(finding.text for finding in check_vehicle(load_vehicle("suboff_full")))
     assert "G_H = -0.443" in texts

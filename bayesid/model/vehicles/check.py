@@ -162,6 +162,10 @@ def _propulsion(vehicle: Vehicle) -> list[Finding]:
     if MODELS[p.model].holds_drag and drag_rows:
         text = f"the {p.model} model holds the hull drag and {' and '.join(drag_rows)} adds it again"
         found.append(Finding("warning", text, tuple(drag_rows)))
+    torque = next((name for name in ("Kq0", "Q_ref") if p.values.get(name)), None)
+    if torque and vehicle.coef.get("K_*"):
+        text = f"{torque} and K_* both state the propeller's heeling moment, which then counts twice"
+        found.append(Finding("warning", text, ("K_*",)))
     if vehicle.rpm_ref is None:
         return [*found, Finding("note", "rpm_ref is missing, so no reference speed is known")]
     try:
