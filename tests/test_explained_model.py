@@ -111,6 +111,7 @@ def test_re_tuned_coefficients_alone_predict_where_runs_left_out_ask_for_them():
     assert shown.or_retuned(replace(coefficients, retuned=False)) is shown
     own = replace(shown, retuned=True)
     assert own.or_retuned(coefficients) is own
+    assert shown.or_retuned(replace(coefficients, left=())) is shown  # their runs left out could not be told
 
 
 def test_a_run_that_the_others_lose_along_the_path_of_all_is_left_out_of_a_fit_of_its_own(monkeypatch):

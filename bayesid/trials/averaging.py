@@ -32,6 +32,7 @@ HELD = 0.5  # changes per block, above which an order changes all the time
 EDGE = 1e-3  # of a block, by which it begins early: no edge is on a reading, where rounding would decide
 BESIDE = 0.05  # of a block: a reading so near its middle is moved there, by a line to its neighbour
 WORTH = 0.75  # most samples left, of those there were: every change of an order keeps one
+FEWEST = 1.9  # readings per block, below which a channel keeps its own
 FULL = 0.75  # share of the usual readings a block must hold
 SAME_RATE = 0.2  # relative difference of the readings per block between runs that share a noise
 
@@ -60,7 +61,7 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
     for count in _counts(max(usual, 2), longest):
         done = _averaged(trial, count * spacing, count)
         if done is None:
-            return trial
+            continue
         if done[1] > MOST_LEFT:
             break
         if best is None or _samples(done[0]) < _samples(best[1]):
@@ -161,12 +162,11 @@ class _Grid:
         kept = self._middle[self._whole]
         self._means, self.held, self._own = dict[str, Floats](), dict[str, float](), dict[str, Floats]()
         for name, values in run.data.items():
-            mean, usual = self._lines(values)
-            self.held[name] = 1.0 if usual < 2 else usual
-            if usual < 2:
-                self._own[name] = values
+            mean, share, rate = self._lines(values)
+            if rate < FEWEST:
+                self.held[name], self._own[name] = 1.0, values
             else:
-                self._means[name] = _unbent(mean)
+                self.held[name], self._means[name] = rate, _unbent(mean, share)
         switched = [t[moves] for values in run.commands.values() if not self._moving(moves := _moves(values))]
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
@@ -178,8 +178,8 @@ class _Grid:
     def _moving(self, moves: np.ndarray) -> bool:
         return bool(np.count_nonzero(moves) > HELD * self._middle.size)
 
-    def _lines(self, values: Floats) -> tuple[Floats, float]:
-        return _lines(self._t, values, self._block, self._middle, self._middle.size)
+    def _lines(self, values: Floats) -> tuple[Floats, Floats, float]:
+        return _lines(self._t, values, self._block, self._middle, self._width)
 
     def data(self) -> dict[str, Floats]:
         """Averages, and the readings of seldom channels, by channel; NaN where a channel has none."""
@@ -211,7 +211,7 @@ class _Grid:
 
     def input(self, values: Floats) -> Floats:
         """Averages, linear in between; its own readings where it has few."""
-        means, _ = self._lines(values)
+        means, _, _ = self._lines(values)
         good = np.isfinite(means) & self._whole
         if good.any():
             return np.interp(self.t, self._middle[good], means[good])
@@ -236,34 +236,48 @@ def _off(samples: Floats, t: Floats, beside: float) -> Floats:
     return inside[np.abs(samples[_nearest(samples, inside)] - inside) > beside]
 
 
-def _lines(t: Floats, values: Floats, block: np.ndarray, middle: Floats, n: int) -> tuple[Floats, float]:
-    """(n,) the line through the readings of each block at its middle, NaN where few; how many are usual."""
-    good = np.isfinite(values)
+def _lines(
+    t: Floats, values: Floats, block: np.ndarray, middle: Floats, width: float
+) -> tuple[Floats, Floats, float]:
+    """(n,) the line through the readings of each block at its middle, NaN where few; (n,) what it takes of a
+    bend, over that of many even readings; how many a block holds by the time between readings."""
+    good, n = np.isfinite(values), middle.size
+    times = t[good]
+    rate = width / float(np.median(np.diff(times))) if times.size > 1 else 0.0
     where = block[good]
     size = np.bincount(where, minlength=n).astype(float)
-    usual = float(np.median(size[size > 0])) if good.any() else 0.0
     # about the block's own middle and first reading: positions far from the origin keep their digits
     origin = np.zeros(n)
     origin[where[::-1]] = values[good][::-1]
-    off, x = t[good] - middle[where], values[good] - origin[where]
-    sums = [np.bincount(where, weights=w, minlength=n) for w in (off, x, off * off, off * x)]
-    enough = size >= max(2.0, FULL * usual)
+    off, x = (times - middle[where]) / width, values[good] - origin[where]
+    sums = [np.bincount(where, weights=w, minlength=n) for w in (off, x, off**2, off * x, off**3)]
+    enough = size >= max(2.0, FULL * rate)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean_t, mean_x, tt, tx = (s / size for s in sums)
-        slope = (tx - mean_t * mean_x) / (tt - mean_t**2)
-        out = origin + mean_x - slope * mean_t
-    return np.where(enough, out, np.nan), usual
+        mean_t, mean_x, tt, tx, ttt = (s / size for s in sums)
+        spread = tt - mean_t**2
+        out = origin + mean_x - (tx - mean_t * mean_x) / spread * mean_t
+        share = 12.0 * (tt - mean_t * (ttt - mean_t * tt) / spread)
+    return np.where(enough, out, np.nan), np.where(enough, share, 0.0), rate
 
 
-def _unbent(means: Floats) -> Floats:
-    """Averages without what the bend of the motion adds to them; near the ends the bend goes on by a line."""
-    if means.size < 2 * AWAY + 2:
+def _unbent(means: Floats, share: Floats) -> Floats:
+    """Averages without what the bend of the motion adds to them; beyond the first and last bend that the
+    averages show it goes on by a line, over holes by one between neighbours."""
+    there = np.flatnonzero(np.isfinite(means))
+    if there.size < 3:
         return means
-    second = (means[2 * AWAY :] - 2.0 * means[AWAY:-AWAY] + means[: -2 * AWAY]) / AWAY**2
-    second[~np.isfinite(second)] = 0.0
-    on = np.arange(AWAY, 0, -1)
-    before, after = (end[0] + on * (end[0] - end[1]) for end in (second, second[::-1]))
-    return means - np.concatenate([before, second, after[::-1]]) / 24.0
+    inner = means[there[0] : there[-1] + 1]
+    away = AWAY if inner.size >= 2 * AWAY + 2 else 1
+    second = (inner[2 * away :] - 2.0 * inner[away : inner.size - away] + inner[: -2 * away]) / away**2
+    known = np.flatnonzero(np.isfinite(second))
+    if not known.size:
+        return means
+    second = np.interp(np.arange(second.size), known, second[known])
+    on, slope = np.arange(away, 0, -1), np.diff(second) if second.size > 1 else np.zeros(1)
+    bend = np.concatenate([second[0] - on * slope[0], second, second[-1] + on[::-1] * slope[-1]])
+    out = means.copy()
+    out[there[0] : there[-1] + 1] -= share[there[0] : there[-1] + 1] * bend / 24.0
+    return out
 
 
 def _left(run: Run, noise: Mapping[str, float], held: Mapping[str, float], width: float) -> float:

@@ -98,7 +98,7 @@ class ExplainedModel:
 
     def or_retuned(self, coefficients: ExplainedModel) -> ExplainedModel:
         """Re-tuned coefficients alone, in place of a model with stated ones, where they predict better."""
-        if self.retuned or not coefficients.retuned:
+        if self.retuned or not coefficients.retuned or len(coefficients.left) != len(self.left):
             return self
         gain, error = _left_out_gain(self.left, coefficients.left)
         asked = replace(self, alone_gain=gain, alone_error=error)
