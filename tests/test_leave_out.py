@@ -10,7 +10,7 @@ import pytest
 
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction, apply, join, read_correction, without_effect
-from bayesid.trials.left_out import LeftOut
+from bayesid.trials.left_out import LeftOut, read_left_out
 
 T = 0.5 * np.arange(200)
 RUN = Run("b", "", "identify", T, dict.fromkeys(("x", "y", "psi", "u", "v"), 1.0 + 0.01 * T), {})
@@ -69,3 +69,16 @@ def test_a_wrong_entry_is_told(entry, says):
 def test_an_entry_without_effect_is_told(entry, says):
     (words,) = without_effect(Correction(leave_out=(entry,)), [RUN])
     assert says in words
+
+
+def test_an_order_is_refused_and_a_run_beside_those_concerned_is_told():
+    """Empty cells of an order ended in a LinAlgError; a run beside `runs` kept its readings unsaid."""
+    found: list[str] = []
+    order = [{"run": "a", "channels": ["delta_r_cmd"], "from": 1, "to": 2}]
+    assert read_left_out(order, "here", found) is None
+    assert len(found) == 1 and "delta_r_cmd is no reading of the motion" in found[0]
+    t = np.arange(5.0)
+    runs = [Run(name, "", "identify", t, {"u": np.ones(5)}, {}) for name in ("a", "b")]
+    mend = Correction(runs=("a",), scale={"u": 2.0}, leave_out=(LeftOut("b", ("u",), 1.0, 2.0),))
+    assert any("changes nothing in b" in text for text in without_effect(mend, runs))
+    assert without_effect(replace(mend, runs=()), runs) == []

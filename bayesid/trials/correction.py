@@ -251,6 +251,11 @@ def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:
         for run in runs
     }
     out += [
+        f"[corrections] leave_out changes nothing in {one.run}: runs = {list(correction.runs)} leaves it out"
+        for one in correction.leave_out
+        if correction.runs and one.run in series and one.run not in correction.runs
+    ]
+    out += [
         f"[corrections] leave_out changes nothing: {why}"
         for one in correction.leave_out
         if (why := one.without_effect(series))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.model.channels import is_channel, nearest_hint
+from bayesid.model.channels import channel, is_channel, nearest_hint
 from bayesid.trials.trial import Floats
 
 KEYS = ("run", "channels", "from", "to")
@@ -109,6 +109,11 @@ def _read(given: dict[str, Any], place: str, problems: list[str]) -> LeftOut | N
             f"{place}: {name[:40]!r} is no channel{nearest_hint(name)}"
             for name in names
             if not is_channel(name) or name == "t"
+        ]
+        problems += [
+            f"{place}: {name} is no reading of the motion; a simulation needs it throughout the run"
+            for name in names
+            if is_channel(name) and channel(name).kind not in ("pose", "velocity", "time")
         ]
     if not all(isinstance(s, int | float) and not isinstance(s, bool) and math.isfinite(s) for s in times):
         problems.append(f"{place}: from and to must be numbers, seconds of the log")
