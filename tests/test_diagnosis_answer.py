@@ -523,6 +523,9 @@ def test_coefficients_that_predict_alone_take_the_place_of_an_explanation_and_ar
         "no better than with re-tuned coefficients alone" in told.outcome and "59.6 degrees" in told.outcome
     )
     assert "bayesid fit" in " ".join(told.steps) and "--set" not in " ".join(told.steps)
+    # coefficients out of reason are those of the re-tuning
+    far = {"N_v": Moved(-0.01, 0.001, -0.05, -0.05)}
+    assert any(text.startswith("Re-tuning needs") for text in failures(replace(found, moved=far)))
     # the control: an explanation that predicts is shown as such
     kept = answer(replace(found, retuning=Retuning(True, 0.3, 0.1, {})))
     assert kept.labels[2] == "explained" and "no better than" not in kept.outcome

@@ -126,13 +126,13 @@ def far_off(result: Result) -> str:
     used = explanation(result)
     if not used and result.verdict == "coefficients":
         return ""
-
+    shown = bool(used) and not (result.retuning is not None and result.retuning.alone)
     moved = {
-        n: (m.given, m.explained if used else m.retuned, m.prior_sd)
+        n: (m.given, m.explained if shown else m.retuned, m.prior_sd)
         for n, m in result.moved.items()
-        if not (m.explained_open if used else m.open)
+        if not (m.explained_open if shown else m.open)
     }
-    what = "The explanation needs" if used else "Re-tuning needs"
+    what = "The explanation needs" if shown else "Re-tuning needs"
     sized = {
         n: (m.given, m.beside, m.prior_sd)
         for n, m in result.moved.items()

@@ -257,6 +257,8 @@ def _log(record: Mapping[str, Any], model: DiagnosedModel | str) -> _Log | str:
 
 def _worse(retuning: Mapping[str, Any]) -> bool:
     """Whether re-tuning predicts runs left out in turn clearly worse, by over two standard errors."""
+    if retuning.get("alone"):  # the gain is that of an explanation which does not predict
+        return False
     gain, error = retuning.get("gain"), retuning.get("error")
     return gain is not None and error is not None and gain < -max(2.0 * error, WORSE)
 
