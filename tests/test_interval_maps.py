@@ -107,9 +107,9 @@ def test_maps_by_latent_inputs_are_central_differences_of_the_interval_ends(name
         ends = []
         for d in (h, -h):
             if label in model.kernel.actuators:
-                command = plan.command.copy()
-                command[:, model.kernel.actuators.index(label)] += d
-                moved = replace(plan, command=command)
+                levels = plan.levels.copy()
+                levels[:, model.kernel.actuators.index(label)] += d
+                moved = replace(plan, levels=levels)
             else:
                 exogenous = plan.exogenous.copy()
                 exogenous[:, model.kernel.exogenous.index(label)] += d
@@ -131,18 +131,26 @@ def test_maps_and_readings_by_parameters_are_central_differences(name):
     for k, label in enumerate(names):
         if label in LATE + KINKED + BLANK:
             continue
-        h = 1e-4 * (model.prior_sd(label) if "." in label else abs(par[free[k]]))
-        ends, values = [], []
-        for d in (h, -h):
-            moved = par.copy()
-            moved[free[k]] += d
-            there = interval_maps(model, moved, plan, states, (), nothing)
-            ends.append(there.ends)
-            values.append(readings_on(model, moved, plan, states, there, nothing).values)
-        worst[label] = max(
-            same(maps.psi[:, :, k], (ends[0] - ends[1]) / (2 * h)),
-            same(readings.by_parameter[:, :, k], (values[0] - values[1]) / (2 * h)),
-        )
+        found = []
+        for part in (
+            1e-4,
+            1e-3,
+        ):  # a small step rounds (1.3e-5 with e_X, 1e-7 with a larger one), a large one bends
+            h = part * (model.prior_sd(label) if "." in label else abs(par[free[k]]))
+            ends, values = [], []
+            for d in (h, -h):
+                moved = par.copy()
+                moved[free[k]] += d
+                there = interval_maps(model, moved, plan, states, (), nothing)
+                ends.append(there.ends)
+                values.append(readings_on(model, moved, plan, states, there, nothing).values)
+            found.append(
+                max(
+                    same(maps.psi[:, :, k], (ends[0] - ends[1]) / (2 * h)),
+                    same(readings.by_parameter[:, :, k], (values[0] - values[1]) / (2 * h)),
+                )
+            )
+        worst[label] = min(found)
     bad = {k: v for k, v in worst.items() if not v < 1e-5}
     assert not bad
 

@@ -13,8 +13,7 @@ from bayesid.estimation.filter_error.linearise import forces, linearise
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.parameters import coefficient_prior, effect_prior
 from bayesid.model.vehicles import load_vehicle
-from bayesid.simulation import plan_run
-from bayesid.simulation.follow import follow
+from bayesid.simulation import actuate, plan_run
 
 COEFFICIENTS = coefficient_prior(MODEL)
 
@@ -80,8 +79,7 @@ def test_a_plan_does_not_keep_its_model_alive():
     t = np.arange(0.0, 20.0, 0.2)
     commands = {"delta_r_cmd": np.where(t > 5.0, 0.2, 0.0), "n_cmd": np.full(t.size, model.vehicle.rpm_ref)}
     plan = plan_run(model, t, commands)
-    assert follow(model, par, plan) is not plan
-    assert follow(model, par, plan) is follow(model, par, plan)
+    actuate(model, par, plan)
     gone = weakref.ref(model)
     del model
     gc.collect()

@@ -1,9 +1,9 @@
-"""Print the actuator chains: from commands held over each step to positions held over each step.
+"""Print the actuator chains: from commands held over pieces of steps to positions over the steps.
 
-Takes a `Context`. Gives source lines. `delay_slope` and `stretch` are the derivatives of command and step
-length by the delay of each actuator. A link gives its mean over the step, which the forces see and the next
-link gets, and its value at the end of the step, which it remembers; slopes by the chain's parameters run
-along.
+Takes a `Context`. Gives source lines. `delay_slope` and `stretch` are the derivatives of command and length
+of a piece by the delay of each actuator. A link gives its mean over the piece, which the next link gets, and
+its value at the end, which it remembers; slopes by the chain's parameters run along. The last mean is added
+to mean and change of the step, `act[owner]`, by the weights of the piece (`simulation.actuation.Pieces`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"
 _SERVO_END = f"x - sgn(x - y)*{_LEFT}*{_DECAY}"
 _SERVO_MEAN = f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
 _CLIP = "min(max(x, -limit), limit)"
-_ARGUMENTS = "command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact"
+_PIECES = "command, delay_slope, stretch, lengths, owner, weight, tilt, weight_slope, tilt_slope"
+_REST = "par, slopes, restart, memory, carried, act, dact"
 _SETTLED = 1e9  # s: a link that has waited this long has come to rest
 
 
@@ -34,6 +35,11 @@ class _Link:
     number: int
     mean: Node
     end: Node
+
+    @property
+    def moves(self) -> bool:
+        """Whether it goes on with time; what does not gives the mean of its end."""
+        return self.end != self.mean
 
 
 def actuate_lines(c: Context) -> list[str]:
@@ -53,7 +59,7 @@ def actuate_lines(c: Context) -> list[str]:
     for a, chain in enumerate(chains):
         if chain:
             start += _settle(g, a, chain, columns, table)
-        body += _step(g, a, chain, columns, table, [columns.index(c.dyn.parameters[i]) for i in delays[a]])
+        body += _step(c, g, a, chain, columns, table, [columns.index(c.dyn.parameters[i]) for i in delays[a]])
     return [
         f"{c.upper}_ACT_COLUMNS = {tuple(c.index[n] for n in columns)!r}",
         f"{c.upper}_ACT_DELAYS = {delays!r}",
@@ -61,13 +67,15 @@ def actuate_lines(c: Context) -> list[str]:
         "",
         "",
         PLAIN,
-        f"def {c.prefix}_actuate({_ARGUMENTS}):",
-        '    """Actuator positions held over each step (their mean), from commands held over each step."""',
-        f"    tangent = np.zeros({len(columns)})",
+        f"def {c.prefix}_actuate({_PIECES},",
+        f"        {_REST}):",
+        '    """Add means and changes of the positions over the steps, from commands held over pieces."""',
+        f"    tangent, ahead = np.zeros({len(columns)}), np.zeros({len(columns)})",
         "    if restart:",
         *start,
-        "    for s in range(steps.size):",
-        "        h = steps[s]",
+        "    for s in range(lengths.size):",
+        "        h = lengths[s]",
+        "        o = owner[s]",
         *body,
     ]
 
@@ -105,13 +113,20 @@ def _constant(g: Graph, name: str, effects: tuple[Effect, ...]) -> Node:
 
 
 def _step(
-    g: Graph, a: int, chain: list[_Link], columns: list[str], table: dict[str, str], delayed: list[int]
+    context: Context,
+    g: Graph,
+    a: int,
+    chain: list[_Link],
+    columns: list[str],
+    table: dict[str, str],
+    delayed: list[int],
 ) -> list[str]:
     out = [
         f"        value = command[s, {a}]",
+        "        rest = 0.0",
         "        if slopes:",
         f"            for c in range({len(columns)}):",
-        "                tangent[c] = 0.0",
+        "                tangent[c] = ahead[c] = 0.0",
         *[f"            tangent[{c}] = delay_slope[s, {a}]" for c in delayed],
     ]
     for link in chain:
@@ -130,8 +145,14 @@ def _step(
                 if g.value(slope) != 0.0:
                     slopes.append((f"{tag}p{c}", slope))
                     added.append(f"            {target.format(c)} += {tag}p{c}")
+        follows = [("pass_on", g.diff(link.mean, g.sym(f"x{i}")))]
         out += [
             *_indent(8, values),
+            *(
+                ["        rest = end - mean"]
+                if link.moves
+                else [*_indent(8, statements(g, follows, symbols, "w")), "        rest *= pass_on"]
+            ),
             "        if slopes:",
             *_indent(12, statements(g, slopes, symbols, "v")),
             f"            for c in range({len(columns)}):",
@@ -139,15 +160,40 @@ def _step(
             f"                tangent[c] = mx * old + my * carried[{i}, c]",
             f"                carried[{i}, c] = ex * old + ey * carried[{i}, c]",
             *added,
+            f"            for c in range({len(columns)}):",
+            f"                ahead[c] = carried[{i}, c] - tangent[c]"
+            if link.moves
+            else "                ahead[c] *= mx",
             f"        memory[{i}] = end",
             "        value = mean",
         ]
-    return [
-        *out,
-        f"        act[s, {a}] = value",
+    tilted = len(context.dyn.actuators) + a
+    both = ((a, "weight"), (tilted, "tilt"))
+    out += [
+        *[f"        act[o, {at}] += value * {by}[s]" for at, by in both],
         "        if slopes:",
         f"            for c in range({len(columns)}):",
-        f"                dact[s, {a}, c] = tangent[c]",
+        *[f"                dact[o, {at}, c] += tangent[c] * {by}[s]" for at, by in both],
+        *[
+            f"            dact[o, {at}, {k}] += value * {by}_slope[s, {a}]"
+            for at, by in both
+            for k in delayed
+        ],
+    ]
+    if not any(link.moves for link in chain):
+        return out
+    # a straight way from the mean to the end adds its change over the piece, twice their distance
+    twice = "2.0 * weight[s] * weight[s]"
+    return [
+        *out,
+        f"        act[o, {tilted}] += {twice} * rest",
+        "        if slopes:",
+        f"            for c in range({len(columns)}):",
+        f"                dact[o, {tilted}, c] += {twice} * ahead[c]",
+        *[
+            f"            dact[o, {tilted}, {k}] += 4.0 * weight[s] * weight_slope[s, {a}] * rest"
+            for k in delayed
+        ],
     ]
 
 

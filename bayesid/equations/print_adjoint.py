@@ -10,7 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bayesid.equations.derivatives import Node
-from bayesid.equations.print_context import FUSED, LANES, Context, LaneRows, step_head
+from bayesid.equations.print_context import (
+    FUSED,
+    LANES,
+    STAGE_PART,
+    Context,
+    LaneRows,
+    stage_positions,
+    step_head,
+)
 
 _ARGUMENTS = "par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact"
 
@@ -35,6 +43,7 @@ def _stage_shift() -> list[str]:
         "weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0",
         "move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)",
         "t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))",
+        STAGE_PART,
     ]
 
 
@@ -42,12 +51,12 @@ def adjoint_lines(c: Context) -> list[str]:
     d, nx, na = c.dyn, range(c.nx), len(c.dyn.actuators)
     slopes = _slopes(c)
     outputs = [(f"y{i}", slopes.get(c.g.sym(n), c.g.zero)) for i, n in enumerate(d.states)]
-    for target, names in (("gpar[{}] +", list(c.index)), ("ga{} +", d.actuators)):
-        outputs += [
-            (target.format(i), slopes[c.g.sym(n)]) for i, n in enumerate(names) if c.g.sym(n) in slopes
-        ]
+    moved = [i for i, n in enumerate(d.actuators) if c.g.sym(n) in slopes]
+    outputs += [(f"gpar[{i}] +", slopes[c.g.sym(n)]) for i, n in enumerate(c.index) if c.g.sym(n) in slopes]
+    outputs += [(f"by{i}", slopes[c.g.sym(d.actuators[i])]) for i in moved]
     body = [
         *_stage_shift(),
+        *stage_positions(c, 0),
         *[f"c{i} = weight * lam{i} + move * y{i}" for i in nx],
         *[f"z{i} = trace[s, stage, {i}]" for i in nx],
         *[f"a{i} = trace[s, stage, {c.nx + i}]" for i in range(c.nv)],
@@ -69,13 +78,15 @@ def adjoint_lines(c: Context) -> list[str]:
         *step_head(c, "s"),
         *[f"        y{i} = 0.0" for i in nx],
         *[f"        back{i} = lam{i}" for i in nx],
-        *[f"        ga{i} = 0.0" for i in range(na)],
+        *[f"        ga{i} = 0.0" for i in range(2 * na)],
         "        for stage in range(3, -1, -1):",
         *[" " * 12 + line for line in body],
         *c.emit(outputs, 12, c.local_symbols(), prefix="v"),
+        *[f"            ga{i} += by{i}" for i in moved],
+        *[f"            ga{na + i} += part * by{i}" for i in moved],
         *[f"            back{i} += y{i}" for i in nx],
         *[f"        lam{i} = back{i}" for i in nx],
-        *[f"        gact[s, {i}] = ga{i}" for i in range(na)],
+        *[f"        gact[s, {i}] = ga{i}" for i in range(2 * na)],
         *[f"    gx0[{i}] = lam{i}" for i in nx],
     ]
 
@@ -86,16 +97,13 @@ def adjoint_lanes_lines(c: Context) -> list[str]:
     slopes, names = _slopes(c), list(c.index)
     used = [i for i, n in enumerate(names) if g.sym(n) in slopes]
     rows = LaneRows(
-        cotangent=nx, back=nx, slope=nx, stage=nx, acceleration=nv, act=na, by_act=na, minv=nv * nv,
+        cotangent=nx, back=nx, slope=nx, stage=nx, acceleration=nv, act=2 * na, by_act=2 * na, minv=nv * nv,
         par=len(names), by_par=len(used),
     )  # fmt: skip
     outputs = [(f"y{i}", slopes.get(g.sym(n), g.zero)) for i, n in enumerate(d.states)]
     outputs += [(rows.at("by_par", j) + " +", slopes[g.sym(names[i])]) for j, i in enumerate(used)]
-    outputs += [
-        (rows.at("by_act", i) + " +", slopes[g.sym(n)])
-        for i, n in enumerate(d.actuators)
-        if g.sym(n) in slopes
-    ]
+    moved = [i for i, n in enumerate(d.actuators) if g.sym(n) in slopes]
+    outputs += [(f"by{i}", slopes[g.sym(d.actuators[i])]) for i in moved]
     body = [
         *[f"c{i} = weight * {rows.at('cotangent', i)} + move * {rows.at('slope', i)}" for i in range(nx)],
         *_row_cotangents(c, lambda i: rows.at("minv", i)),
@@ -125,7 +133,7 @@ def adjoint_lanes_lines(c: Context) -> list[str]:
         *rows.copy(8, "back", "cotangent"),
         *rows.fill(8, "slope", "0.0"),
         *rows.fill(8, "by_act", "0.0"),
-        *rows.fill(8, "act", f"act[s * {na * LANES} + i]"),
+        *rows.fill(8, "act", f"act[s * {2 * na * LANES} + i]"),
         "        for stage in range(3, -1, -1):",
         *[" " * 12 + line for line in _stage_shift()],
         f"            of = (s * 4 + stage) * {traced}",
@@ -134,10 +142,12 @@ def adjoint_lanes_lines(c: Context) -> list[str]:
         f"            for l in range({LANES}):",
         *[" " * 16 + line for line in body],
         *c.emit(outputs, 16, c.lane_symbols(rows), prefix="v", lanes=True),
+        *[f"                {rows.at('by_act', i)} += by{i}" for i in moved],
+        *[f"                {rows.at('by_act', na + i)} += part * by{i}" for i in moved],
         *[f"                {rows.at('slope', i)} = y{i}" for i in range(nx)],
         *[f"                {rows.at('back', i)} += y{i}" for i in range(nx)],
         *rows.copy(8, "cotangent", "back"),
-        *rows.store(8, "by_act", f"gact[s * {na * LANES} + i]"),
+        *rows.store(8, "by_act", f"gact[s * {2 * na * LANES} + i]"),
         *rows.store(4, "cotangent", "gx0[i]"),
         *rows.store(4, "by_par", "gpar[i]"),
     ]

@@ -14,6 +14,7 @@ from bayesid.equations.printing import statements
 from bayesid.model.effects import Effect
 
 LANES = 16
+STAGE_PART = "part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)"
 # Python's division tests its divisor; that kept lanes with effects from vectorising and cost a factor of 3
 PLAIN = "@njit(cache=True, nogil=True, error_model='numpy')"
 FUSED = "@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})"
@@ -128,7 +129,10 @@ class Context:
             **{n: rows.at("par", i) for n, i in self.index.items()},
             **{n: rows.at("stage", i) for i, n in enumerate(d.states)},
             **{a: rows.at("acceleration", i) for i, a in enumerate(self.accel)},
-            **{n: rows.at("act", i) for i, n in enumerate(d.actuators)},
+            **{
+                n: f"({rows.at('act', i)} + part * {rows.at('act', len(d.actuators) + i)})"
+                for i, n in enumerate(d.actuators)
+            },
             **{n: f"e{i}" for i, n in enumerate(d.exogenous)},
         }
 
@@ -169,19 +173,28 @@ class LaneRows:
 
 
 def step_head(c: Context, step: str) -> list[str]:
-    """Length and inputs of one step as local variables."""
+    """Length and inputs of one step as local variables; m<i>, d<i>: mean and change of an actuator."""
+    na = len(c.dyn.actuators)
     return [
         f"        h = steps[{step}]",
-        *[f"        u{i} = act[{step}, {i}]" for i in range(len(c.dyn.actuators))],
+        *[f"        m{i} = act[{step}, {i}]" for i in range(na)],
+        *[f"        d{i} = act[{step}, {na + i}]" for i in range(na)],
         *[f"        e{i} = exo[{step}, {i}]" for i in range(len(c.dyn.exogenous))],
     ]
 
 
 def stage_head(start: str, plain: bool = False) -> list[str]:
-    """Weight of an RK4 stage, the way to the next one, and the stage's time."""
+    """Weight of an RK4 stage, the way to the next one, the stage's time and its part of the step from the
+    middle on."""
     begin = start if plain else f"times[{start}]"
     return [
         "            weight = 2.0 if (stage == 1 or stage == 2) else 1.0",
         "            half = h if stage == 2 else 0.5 * h",
         f"            t = {begin} + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))",
+        "            " + STAGE_PART,
     ]
+
+
+def stage_positions(c: Context, indent: int) -> list[str]:
+    """Actuator positions of a stage as local variables u<i>: on a straight line over the step."""
+    return [" " * indent + f"u{i} = m{i} + part * d{i}" for i in range(len(c.dyn.actuators))]

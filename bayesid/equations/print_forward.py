@@ -1,12 +1,21 @@
 """Print the forward run: RK4 of one parameter vector, and of sixteen at once.
 
-Takes a `Context`. Gives source lines. Inputs are held over each step. The equations are printed into the
+Takes a `Context`. Gives source lines. Over each step the exogenous inputs are held and the actuators lie on a
+straight line: `act` has their means, then their changes. The equations are printed into the
 stage loop, not called: a call costs numba one more optimisation of its body per level.
 """
 
 from __future__ import annotations
 
-from bayesid.equations.print_context import FUSED, LANES, Context, LaneRows, stage_head, step_head
+from bayesid.equations.print_context import (
+    FUSED,
+    LANES,
+    Context,
+    LaneRows,
+    stage_head,
+    stage_positions,
+    step_head,
+)
 
 
 def simulate_lines(c: Context) -> list[str]:
@@ -34,6 +43,7 @@ def simulate_lines(c: Context) -> list[str]:
         *[f"        q{i} = 0.0" for i in nx],
         "        for stage in range(4):",
         *stage_head("s"),
+        *stage_positions(c, 12),
         *c.emit(c.rate_outputs(), 12, symbols),
         *c.accelerations(12),
         "            if keep:",
@@ -49,7 +59,7 @@ def lanes_lines(c: Context) -> list[str]:
     """RK4 with the stage loop outside the lane loop, so that the inner one vectorises (16 constant lanes)."""
     nx, nv, na, d = c.nx, c.nv, len(c.dyn.actuators), c.dyn
     rows = LaneRows(
-        start=nx, stage=nx, total=nx, acceleration=nv, act=na, minv=nv * nv, par=len(d.parameters)
+        start=nx, stage=nx, total=nx, acceleration=nv, act=2 * na, minv=nv * nv, par=len(d.parameters)
     )
     body = c.emit(c.rate_outputs(), 16, c.lane_symbols(rows), lanes=True)
     body += c.accelerations(16, lambda i: rows.at("minv", i))
@@ -86,7 +96,7 @@ def lanes_lines(c: Context) -> list[str]:
         "        h = steps[s]",
         "        sixth = h / 6.0",
         *[f"        e{i} = exo[s, {i}]" for i in range(len(d.exogenous))],
-        *rows.fill(8, "act", f"act[s * {na * LANES} + i]"),
+        *rows.fill(8, "act", f"act[s * {2 * na * LANES} + i]"),
         "        for stage in range(4):",
         *stage_head("s"),
         "            last = stage == 3",

@@ -9,7 +9,7 @@ Columns are carried in blocks of sixteen: only a loop of constant length over on
 from __future__ import annotations
 
 from bayesid.equations.derivatives import Node
-from bayesid.equations.print_context import FUSED, LANES, Context, stage_head, step_head
+from bayesid.equations.print_context import FUSED, LANES, Context, stage_head, stage_positions, step_head
 
 Outputs = list[tuple[str, Node]]
 
@@ -100,6 +100,8 @@ def variational_lines(c: Context) -> list[str]:
         f"                work[base + {2 * nx * LANES} + l] = 0.0",
         "        for stage in range(1 if q > last else 4):",
         *stage_head("begin", plain=True),
+        "            part += 1.0 if q > last else 0.0",
+        *stage_positions(c, 12),
         *c.emit(c.rate_outputs(), 12, symbols, known=known),
         *c.accelerations(12),
         *c.emit(jacobian, 12, symbols, prefix="v", known=known),
@@ -186,7 +188,8 @@ def _input_forcing(c: Context, rows: int, na: int, ni: int) -> list[str]:
         "                        if c >= 0:",
         f"                            spot = (c // {LANES} * {rows} + slot[row]) * {LANES} + c % {LANES}",
         f"                            for j in range({na}):",
-        "                                work[spot] += dinp[row, j] * dact[s, j, a]",
+        f"                                along = dact[s, j, a] + part * dact[s, {na} + j, a]",
+        "                                work[spot] += dinp[row, j] * along",
         f"                    for j in range({ni}):",
         "                        c = input_columns[j]",
         "                        if c >= 0:",

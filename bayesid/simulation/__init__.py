@@ -4,10 +4,11 @@ Takes a `Model`, a `TimePlan` (time steps and inputs of one run) and parameters 
 Does not read files, choose parameters or judge a fit.
 
 Signal order: command -> actuator chain -> forces in moving water -> state -> sensors. RK4 with fixed steps,
-actuator positions held at their mean over each step, commands held between their samples.
+actuator positions on a straight line over each step, commands held between their samples.
 """
 
 from bayesid.simulation.accelerations import rates_on
+from bayesid.simulation.actuation import actuate, mean_positions, positions_at_samples
 from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulation.closed_loop import carried_by_water, run_manoeuvre, steady_start
 from bayesid.simulation.interval_maps import (
@@ -20,7 +21,7 @@ from bayesid.simulation.interval_maps import (
     part_of,
     readings_on,
 )
-from bayesid.simulation.prepare import actuate, with_own_states
+from bayesid.simulation.prepare import with_own_states
 from bayesid.simulation.sensors import observe, observe_sensitivity
 from bayesid.simulation.shaft_speed import (
     shaft_speed_note,
@@ -47,9 +48,11 @@ __all__ = [
     "Chain",
     "chain_of",
     "interval_maps",
+    "mean_positions",
     "observe",
     "observe_sensitivity",
     "part_of",
+    "positions_at_samples",
     "plan_run",
     "plan_trial_run",
     "rates_on",

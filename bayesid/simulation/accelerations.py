@@ -50,7 +50,7 @@ def rates_on(
     # one step per point, too short to matter: the kernel records the rate at its start
     fun.variational(
         par, inverse_mass(model, fun, par[None])[0], path[0], np.zeros((nx, width)), np.zeros(n),
-        np.full(n, 1e-9), np.array(actuators, dtype=float, order="C"), np.zeros((1, na, none.size)),
+        np.full(n, 1e-9), np.hstack([actuators, np.zeros((n, na))]), np.zeros((1, 2 * na, none.size)),
         np.zeros((n, ne)), np.arange(n), fun.entries, columns, none, np.full(na + ne, -1, dtype=np.int64),
         path, out, sens, rate, slope,
     )  # fmt: skip

@@ -13,10 +13,9 @@ import numpy as np
 
 from bayesid.equations import LANES, Functions
 from bayesid.equations.model import Model
-from bayesid.simulation.follow import follow
+from bayesid.simulation.actuation import actuate
 from bayesid.simulation.prepare import (
     NO_LANE_TRACE,
-    actuate,
     check_parameters,
     check_start,
     choose,
@@ -34,12 +33,10 @@ THREADED_FROM = 128
 class _Group:
     """Sixteen vectors as the lane kernels want them: flat, sixteen values per entry.
 
-    plan : the steps that fit them
     index : (16,) the vectors; the last one fills up the lanes
     count : how many of them are asked for
     """
 
-    plan: TimePlan
     index: Array
     count: int
     par: Array
@@ -63,21 +60,12 @@ class _Batch:
         chain = list(self.fun.act_columns)
         self.common = None
         if self.count and np.all(self.pars[:, chain] == self.pars[0, chain]):
-            self.plan = follow(model, self.pars[0], plan, self.full)
-            self.common = np.repeat(actuate(model, self.pars[0], self.plan, full=self.full)[0].ravel(), LANES)
-            self.chunks = _chunks(self.plan, np.arange(self.count))
-        else:
-            plans = [follow(model, par, plan, self.full) for par in self.pars]
-            same: dict[int, list[int]] = {}
-            for j, one in enumerate(plans):
-                same.setdefault(id(one), []).append(j)
-            self.chunks = [c for which in same.values() for c in _chunks(plans[which[0]], np.array(which))]
+            self.common = np.repeat(actuate(model, self.pars[0], plan, full=self.full)[0].ravel(), LANES)
 
     def begin(self, j: int) -> tuple[Array, Array, Array]:
         return start(self.fun, self.pars[j], self.plan.exogenous[0], self.starts[j])
 
-    def group(self, chunk: tuple[TimePlan, Array]) -> _Group:
-        plan, vectors = chunk
+    def group(self, vectors: Array) -> _Group:
         count = vectors.size
         index = vectors[np.minimum(np.arange(LANES), count - 1)]
         x0 = self.starts[index]
@@ -85,14 +73,14 @@ class _Batch:
             x0 = np.array([self.begin(j)[0] for j in index])
         act = self.common
         if act is None:
-            one = [actuate(self.model, self.pars[j], plan, full=self.full)[0] for j in index]
+            one = [actuate(self.model, self.pars[j], self.plan, full=self.full)[0] for j in index]
             act = np.stack(one, axis=2).ravel()
         par, minv = self.pars[index].T.ravel(), self.minv[index].T.ravel()
-        return _Group(plan, index, count, par, minv, x0.T.ravel(), act)
+        return _Group(index, count, par, minv, x0.T.ravel(), act)
 
     def forward(self, g: _Group, trace: Array) -> Array:
         """(samples, nx, lanes) states of a group."""
-        plan, nx = g.plan, len(self.fun.states)
+        plan, nx = self.plan, len(self.fun.states)
         out = np.empty(plan.t.size * nx * LANES)
         self.fun.lanes(
             g.par, g.minv, g.x0, plan.times, plan.steps, g.act, plan.exogenous, plan.record, out, trace
@@ -100,20 +88,15 @@ class _Batch:
         return out.reshape(plan.t.size, nx, LANES)
 
     def each(self, work: Callable[[_Group], None], threads: int) -> None:
-        def one(chunk: tuple[TimePlan, Array]) -> None:
-            work(self.group(chunk))
+        def one(first: int) -> None:
+            work(self.group(np.arange(first, min(first + LANES, self.count))))
 
         if threads > 1 and self.count >= THREADED_FROM:
             with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(one, self.chunks))
+                list(pool.map(one, range(0, self.count, LANES)))
         else:
-            for chunk in self.chunks:
-                one(chunk)
-
-
-def _chunks(plan: TimePlan, vectors: Array) -> list[tuple[TimePlan, Array]]:
-    """Sixteen vectors of one plan at a time."""
-    return [(plan, vectors[i : i + LANES]) for i in range(0, vectors.size, LANES)]
+            for first in range(0, self.count, LANES):
+                one(first)
 
 
 def simulate_batch(
@@ -175,13 +158,12 @@ def gradient_batch(
         dact = actuate(model, batch.pars[0], batch.plan, slopes=True, full=batch.full)[1]
 
     def work(g: _Group) -> None:
-        plan = g.plan
         trace = np.empty(plan.steps.size * 4 * fun.traced * LANES)
         here = np.ascontiguousarray(batch.forward(g, trace).transpose(2, 0, 1))
         cot = np.empty((plan.t.size, nx, LANES))
         cot[...] = np.asarray(cotangent(here)).transpose(1, 2, 0)
         gx0, gpar = np.empty((nx, LANES)), np.empty((fun.adjoint_parameters.size, LANES))
-        gact = np.empty((plan.steps.size, na, LANES))
+        gact = np.empty((plan.steps.size, 2 * na, LANES))
         fun.adjoint_lanes(
             g.par, g.minv, plan.times, plan.steps, g.act, plan.exogenous, plan.record, trace, cot.ravel(),
             gx0.ravel(), gpar.ravel(), gact.ravel(),

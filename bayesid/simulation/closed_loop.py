@@ -16,20 +16,19 @@ from bayesid.equations.model import Model
 from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.model.vehicles.orders import gathered, spread, spread_by, together
+from bayesid.simulation.actuation import cut, run_chains
 from bayesid.simulation.prepare import (
     NO_TRACE,
     check_parameters,
     check_start,
     choose,
-    cut,
     inverse_mass,
     require_finite,
     start,
-    step_mean,
 )
 from bayesid.simulation.sensors import observe
 from bayesid.simulation.single import Track, simulate
-from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, TimePlan, plan_run
+from bayesid.simulation.time_plan import TimePlan, plan_run
 
 Array = np.ndarray
 DUE_WITHIN = 1e-9  # how nearly an order is given when it is due, over the interval
@@ -71,8 +70,6 @@ def run_manoeuvre(
         return simulate(model, par, plan, x0), gathered(model.vehicle, orders)
     count = round(manoeuvre.duration / manoeuvre.dt)
     t = np.arange(count + 1) * manoeuvre.dt
-    if max_step is None:  # where fins will move is not known yet
-        max_step = 2 * MOVING_STEP_PER_LENGTH * model.scales["L"] / max(model.scales["U"], 1e-3)
     plan = plan_run(model, t, {}, max_step=max_step)
     plan = plan if disturb is None else disturb(plan)
     loop = _Loop(model, check_parameters(model, plan, par), plan)
@@ -120,7 +117,7 @@ def _due(beyond: Callable[[float], float], begin: float, end: float) -> float:
 
 
 class _Reached(NamedTuple):
-    """State at the end of an interval, positions of the actuators over its steps, what they remember."""
+    """State at the end of an interval, mean positions of the actuators over its steps, what they remember."""
 
     x: Array
     steps: slice
@@ -143,7 +140,6 @@ class _Loop:
         }
         na, nc = len(model.kernel.actuators), len(fun.act_columns)
         self._memory, self._carried = np.zeros(fun.act_memory), np.zeros((fun.act_memory, nc))
-        self._none, self._no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
         self._knots, self._levels = np.zeros(2 * plan.t.size), np.zeros((2 * plan.t.size, na))
         self._kept = 0
 
@@ -168,25 +164,19 @@ class _Loop:
         else:
             begin = self._t(i)
         command = np.repeat(row[None], steps.size, axis=0)
-        if self._delays:
-            self._knots[n], self._levels[n] = begin, row
-            known = self._knots[: n + 1], self._levels[: n + 1]
-            moves = cut(low, steps, command, *known, self._delays)
-            command, lengths = moves.command, moves.lengths
-        else:
-            lengths = np.diff(low, append=low[-1] + steps[-1])
-        moved, memory, carried = np.empty_like(command), self._memory.copy(), self._carried.copy()
-        fun.actuate(
-            command, self._none, self._none, lengths, self._par, False, n == 0, memory, carried, moved,
-            self._no_slopes,
-        )  # fmt: skip
-        act = step_mean(moves, steps, moved) if self._delays else moved * lengths[:, None] / steps[:, None]
+        self._knots[n], self._levels[n] = begin, row
+        count = np.ceil(steps / plan.piece - 1e-9).astype(np.int64) if plan.piece else None
+        known = self._knots[: n + 1], self._levels[: n + 1]
+        pieces = cut(low, steps, command, count, self._delays, *known)
+        memory, carried = self._memory.copy(), self._carried.copy()
+        act, _ = run_chains(fun, self._par, pieces, steps.size, False, memory, carried, restart=n == 0)
         here = np.empty((1, x.size))
         fun.simulate(
             self._par, self._minv, x, low, steps, act, plan.exogenous[now], np.array([steps.size]), here,
             NO_TRACE,
         )  # fmt: skip
-        return _Reached(here[0], now, steps / plan.steps[now], act, memory, carried, (begin, row))
+        mean = act[:, : row.size]
+        return _Reached(here[0], now, steps / plan.steps[now], mean, memory, carried, (begin, row))
 
     def _t(self, i: int) -> float:
         """Sample time [s since the run began]."""

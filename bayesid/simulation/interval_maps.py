@@ -10,16 +10,14 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.simulation.follow import follow
+from bayesid.simulation.actuation import actuate
 from bayesid.simulation.prepare import (
     LARGEST_STATE,
-    actuate,
     check_parameters,
     choose,
     inverse_mass,
@@ -30,8 +28,8 @@ from bayesid.simulation.time_plan import TimePlan
 
 Array = np.ndarray
 
-# Actuator motions kept per run, the latest, and their bytes in all, cut plans aside (`follow` bounds those):
-# parameters of the hull leave them as they are. None of long runs.
+# Actuator motions kept per run, the latest, and their bytes in all: parameters of the hull leave them as
+# they are. None of long runs.
 MOST_CHAINS, MOST_BYTES = 3, 4_000_000
 
 
@@ -53,10 +51,10 @@ class Maps:
     psi: Array
 
 
-class Chain(NamedTuple):
-    """Actuators of a run: the plan they follow, their positions at every step and the slopes of those."""
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Actuators of a run: means and changes of their positions over every step, and the slopes of these."""
 
-    plan: TimePlan
     act: Array
     dact: Array
 
@@ -79,13 +77,12 @@ def chain_of(model: Model, par: Array, plan: TimePlan, free: Array, full: bool =
     slopes = bool(np.isin(read, free).any())
     known = plan.kept.get("chains")
     if known is None or known[0]() is not model:
-        # by a weak reference, as in `follow`
+        # by a weak reference, as in `actuate`
         known = plan.kept["chains"] = (weakref.ref(model), {})
     chains: dict[tuple[bool, bool, bytes], Chain] = known[1]
     key = (full, slopes, par[read].tobytes())
     if key not in chains:
-        followed = follow(model, par, plan, full)
-        made = Chain(followed, *actuate(model, par, followed, slopes=slopes, full=full))
+        made = Chain(*actuate(model, par, plan, slopes=slopes, full=full))
         if made.nbytes > MOST_BYTES:
             return made
         chains[key] = made
@@ -121,7 +118,8 @@ def interval_maps(
     ModelError
         if an interval ends beyond all bounds (`LARGEST_STATE`); names the time
     """
-    plan, act, dact = chain or chain_of(model, par, plan, free, full)
+    chain = chain or chain_of(model, par, plan, free, full)
+    act, dact = chain.act, chain.dact
     par = check_parameters(model, plan, par)
     fun = choose(model, par, full)
     nx, n_in, n_free = len(fun.states), len(inputs), len(free)

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.equations.model import Model
-from bayesid.simulation.follow import follow
+from bayesid.simulation.actuation import actuate
 from bayesid.simulation.prepare import (
     NO_TRACE,
-    actuate,
     check_parameters,
     check_start,
     choose,
@@ -36,7 +35,7 @@ class Track:
     t : (n,) [s]
     states : (n, nx) pose and velocity (and effects' own states) at the samples
     names : names of the state columns
-    actuators : (m, na) actuator positions held over the steps
+    actuators : (m, na) mean actuator positions over the steps
     full : whether the functions with all effects gave them
     """
 
@@ -86,14 +85,13 @@ def simulate(model: Model, par: Array, plan: TimePlan, x0: Array, full: bool | N
     par = check_parameters(model, plan, par)
     fun = choose(model, par, full)
     is_full = fun is model.kernel.full
-    plan = follow(model, par, plan, is_full)
     act, _ = actuate(model, par, plan, full=is_full)
     x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
     minv = inverse_mass(model, fun, par[None])[0]
     out = np.empty((plan.t.size, x.size))
     fun.simulate(par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record, out, NO_TRACE)
     require_finite(plan.t, out, fun.states)
-    return Track(plan.t, out, fun.states, act, is_full)
+    return Track(plan.t, out, fun.states, act[:, : len(model.kernel.actuators)], is_full)
 
 
 def sensitivities(
@@ -125,7 +123,6 @@ def sensitivities(
     if full is None:
         full = not model.is_off(par) or not model.effect_off.keys().isdisjoint(free.tolist())
     fun = choose(model, par, full)
-    plan = follow(model, par, plan, full)
     act, dact = actuate(model, par, plan, slopes=True, full=full)
     x, slope_x, slope_par = start(fun, par, plan.exogenous[0], x0)
     n_free, n0, nx, size = free.size, x0.size, x.size, plan.t.size
@@ -138,7 +135,8 @@ def sensitivities(
     column = {int(p): c for c, p in enumerate(free)}
     columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
     act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
-    no_inputs = np.full(act.shape[1] + plan.exogenous.shape[1], -1, dtype=np.int64)
+    na = len(model.kernel.actuators)
+    no_inputs = np.full(na + plan.exogenous.shape[1], -1, dtype=np.int64)
     out, sens = np.empty((size, nx)), np.empty((size, nx, max(n, 1)))
     rate, srate = (np.empty((size if rates else 0, *a.shape[1:])) for a in (out, sens))
     fun.variational(
@@ -146,7 +144,9 @@ def sensitivities(
         plan.record, fun.entries, columns, act_columns, no_inputs, rate[:0], out, sens, rate, srate,
     )  # fmt: skip
     require_finite(plan.t, out, fun.states)
-    return Sensitivity(Track(plan.t, out, fun.states, act, full), sens[:, :, :n], rate, srate[:, :, :n])
+    return Sensitivity(
+        Track(plan.t, out, fun.states, act[:, :na], full), sens[:, :, :n], rate, srate[:, :, :n]
+    )
 
 
 def gradient(
@@ -175,7 +175,6 @@ def gradient(
     par = check_parameters(model, plan, par)
     x0 = check_start(model, x0)
     fun = choose(model, par, full)
-    plan = follow(model, par, plan, fun is model.kernel.full)
     act, dact = actuate(model, par, plan, slopes=True, full=fun is model.kernel.full)
     x, slope_x, slope_par = start(fun, par, plan.exogenous[0], x0)
     minv = inverse_mass(model, fun, par[None])[0]

@@ -21,14 +21,13 @@ from bayesid.model.vehicles.orders import spread
 
 Array = np.ndarray
 
-# Default RK4 steps in units of L/U. A fin on its way is held at its mean over a step, which loses when it
-# moved: 20/20 zig-zags of 40 L/U were 0.15 m (nps_auv2), 1.8 m (generic_sub) and 8 m (suboff_full, unstable)
-# off with 0.08 throughout; RK4 itself is 0.03, 14 and 34 mm off. Steps that are short while a fin moves leave
-# 0.011, 0.06 and 0.12 m for 1.1 to 3.2 times the steps; spirals and rudder steps are below 6 mm.
+# Default RK4 steps in units of L/U, and the pieces in which a fin on its way is followed (`actuation`). A
+# rudder put over from 20 to 20 degrees every 1.6 L/U for 40 L/U leaves 0.02 m (nps_auv2), 0.06 m
+# (generic_sub) and 0.07 m (suboff_full, unstable); held at its mean over the steps 0.15, 1.8 and 8 m.
 STEP_PER_LENGTH = 0.08
-MOVING_STEP_PER_LENGTH = 0.01
+PIECE_PER_LENGTH = 0.01
+LEAST_PART = 0.1  # of a step: no edge is set so near to another one
 ENDLESS = 0.5 * math.radians(UNLIMITED)  # stops beyond are none
-STILL = 1e-4  # rad L/U: a move times its duration that makes no difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +46,8 @@ class TimePlan:
     measured : names of actuators whose measured position is used instead of the command
     began : when the run began [s], from which effects that change with time count: the first sample, or one
         before it of which this is a part
-    short : step [s] while a fin moves, 0 where all steps are as long as was asked for
-    kept : what `follow` and `chain_of` have worked out for this plan
+    piece : length [s] of the pieces in which a moving fin is followed, 0 where a step is one piece
+    kept : what `actuate` and `chain_of` have worked out for this plan
     """
 
     t: Array
@@ -60,7 +59,7 @@ class TimePlan:
     knots: Array
     levels: Array
     measured: tuple[str, ...] = ()
-    short: float = 0.0
+    piece: float = 0.0
     began: float = 0.0
     kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -91,9 +90,8 @@ def plan_run(
     measured : actuator positions "delta_r", "n" ... at the samples, linear in between; they replace the
         command and lift the vehicle's own rate and angle limits
     exogenous : "wind_speed" [m/s] and "wind_from" [rad]
-    max_step : longest RK4 step [s], throughout; default `STEP_PER_LENGTH` L/U, and `MOVING_STEP_PER_LENGTH`
-        while a fin moves to a new command at the vehicle's own rate, or at that of the parameters a run is
-        simulated with (`follow`)
+    max_step : longest RK4 step [s]; default `STEP_PER_LENGTH` L/U, steps where a fin moves being followed in
+        pieces of `PIECE_PER_LENGTH`, those at its own rate ending when it stops
     longer : how much longer the default steps are: maps of single sample intervals gather no error
     began : when the run began [s], of a part of one; default the first sample
 
@@ -118,8 +116,8 @@ def plan_run(
             levels[:, a] = _turns(levels[:, a], model.nominal[model.index[f"limit_{servos[name]}"]])
         if name in servos and name not in measured and f"{name}_cmd" in inputs and max_step is None:
             moving = np.maximum(moving, _moving(model, servos[name], t, levels[:, a]))
-    short, long = _longest(model, max_step, longer)
-    start, steps, record = _steps(t, moving, short, long)
+    long, piece = _longest(model, max_step, longer)
+    start, steps, record = _steps(t, moving, long)
     middle = start + 0.5 * steps
     command = levels[np.repeat(np.arange(t.size - 1), np.diff(record))]
     for a, name in enumerate(names):
@@ -132,10 +130,9 @@ def plan_run(
         over = model.vehicle.dimensions.get("wind_average", 0.0)
         for name, values in (("wind_north", speed * np.cos(towards)), ("wind_east", speed * np.sin(towards))):
             exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, _averaged(t, values, over))
-    adaptable = short if max_step is None else 0.0
     began = float(t[0]) if began is None else began
     return TimePlan(
-        t, start - began, steps, record, command, exo, t - began, levels, tuple(measured), adaptable, began
+        t, start - began, steps, record, command, exo, t - began, levels, tuple(measured), piece, began
     )
 
 
@@ -147,19 +144,18 @@ def plan_trial_run(model: Model, run: Any, max_step: float | None = None, longer
 
 
 def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float, float]:
-    """Longest steps [s] while a fin moves and otherwise."""
+    """Longest step and the pieces of a step where a fin moves [s]; 0 for steps of one piece."""
     time = model.scales["L"] / max(model.scales["U"], 1e-3)
     if max_step is None:
-        return longer * MOVING_STEP_PER_LENGTH * time, longer * STEP_PER_LENGTH * time
+        return longer * STEP_PER_LENGTH * time, longer * PIECE_PER_LENGTH * time
     if not max_step > 0.0:
         raise ModelError(f"max_step = {max_step:g} s: a step must be longer than 0")
-    return max_step, max_step
+    return max_step, 0.0
 
 
 def _moving(model: Model, servo: str, t: Array, levels: Array) -> Array:
-    """(n-1,) time [s] after each sample for which a fin still runs at the vehicle's rate; small moves 0."""
+    """(n-1,) time [s] after each sample for which a fin still runs at the vehicle's rate."""
     inverse, limit = (model.nominal[model.index[f"{k}_{servo}"]] for k in ("inverse_rate", "limit"))
-    time = model.scales["L"] / max(model.scales["U"], 1e-3)
     inverse = float(inverse)
     out = np.zeros(t.size - 1)
     held = np.clip(levels, -limit, limit).tolist()  # numbers of Python: four times as fast in a loop
@@ -168,22 +164,20 @@ def _moving(model: Model, servo: str, t: Array, levels: Array) -> Array:
         if level == at:
             continue
         left = abs(level - at) * inverse
-        if left * abs(level - at) > STILL * time:
-            out[i] = min(left, gap)
+        out[i] = min(left, gap)
         at = level if left <= gap else at + math.copysign(gap / inverse, level - at)
     return out
 
 
-def _steps(t: Array, moving: Array, short: float, long: float) -> tuple[Array, Array, Array]:
+def _steps(t: Array, moving: Array, long: float) -> tuple[Array, Array, Array]:
     """Start and length of every step, and the number of steps done at each sample."""
     gaps = np.diff(t)
-    moving = np.where(gaps - moving < 0.1 * short, gaps, moving)
+    moving = np.where(np.minimum(moving, gaps - moving) < LEAST_PART * long, 0.0, moving)
     parts = np.stack([moving, gaps - moving], axis=1)
-    count = np.ceil(parts / (short, long) - 1e-9).astype(np.int64)
-    count[:, 1] += count.sum(axis=1) == 0
-    begin = np.stack([t[:-1], t[:-1] + moving], axis=1).ravel()
+    count = np.ceil(parts / long - 1e-9).astype(np.int64)
     pieces = count.ravel()
     steps = np.repeat(parts.ravel() / np.maximum(pieces, 1), pieces)
+    begin = np.stack([t[:-1], t[:-1] + moving], axis=1).ravel()
     first = np.repeat(np.cumsum(pieces) - pieces, pieces)
     start = np.repeat(begin, pieces) + steps * (np.arange(steps.size) - first)
     return start, steps, np.concatenate(([0], np.cumsum(count.sum(axis=1))))

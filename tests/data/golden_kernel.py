@@ -79,8 +79,10 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
         if s == steps.size:
             break
         h = steps[s]
-        u0 = act[s, 0]
-        u1 = act[s, 1]
+        m0 = act[s, 0]
+        m1 = act[s, 1]
+        d0 = act[s, 2]
+        d1 = act[s, 3]
         e0 = exo[s, 0]
         e1 = exo[s, 1]
         e2 = exo[s, 2]
@@ -104,6 +106,9 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             weight = 2.0 if (stage == 1 or stage == 2) else 1.0
             half = h if stage == 2 else 0.5 * h
             t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)
+            u0 = m0 + part * d0
+            u1 = m1 + part * d1
             t43 = math.cos(z2)
             t45 = math.sin(z2)
             t47 = (e2 * t43) + (e3 * t45)
@@ -157,11 +162,11 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
 
     `trace`, if not empty, gets state and acceleration of every stage.
     """
-    work = np.zeros(864)
+    work = np.zeros(896)
     for i in range(352):
-        work[512 + i] = par[i]
+        work[544 + i] = par[i]
     for i in range(144):
-        work[368 + i] = minv[i]
+        work[400 + i] = minv[i]
     for i in range(96):
         work[0 + i] = x0[i]
     for i in range(96):
@@ -184,12 +189,13 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
         e4 = exo[s, 4]
         e5 = exo[s, 5]
         e6 = exo[s, 6]
-        for i in range(32):
-            work[336 + i] = act[s * 32 + i]
+        for i in range(64):
+            work[336 + i] = act[s * 64 + i]
         for stage in range(4):
             weight = 2.0 if (stage == 1 or stage == 2) else 1.0
             half = h if stage == 2 else 0.5 * h
             t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)
             last = stage == 3
             keep = 0.0 if last else 1.0
             to = (s * 4 + stage) * 144
@@ -214,17 +220,17 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t66 = work[160 + l] * work[176 + l]
                 t68 = work[176 + l] * work[176 + l]
                 t82 = work[144 + l] * work[176 + l]
-                t136 = work[848 + l] + ((work[816 + l] * (work[176 + l] * t47)) - (work[512 + l] * (t82 - (work[560 + l] * t68))))
-                t143 = (work[832 + l] * (work[336 + l] * t61)) - (work[512 + l] * ((work[544 + l] * t82) + (work[560 + l] * t66)))
-                f0 = e4 + ((work[800 + l] * t61) - (work[512 + l] * ((-t66) - (work[544 + l] * t68))))
+                t136 = work[880 + l] + ((work[848 + l] * (work[176 + l] * t47)) - (work[544 + l] * (t82 - (work[592 + l] * t68))))
+                t143 = (work[864 + l] * ((work[336 + l] + part * work[368 + l]) * t61)) - (work[544 + l] * ((work[576 + l] * t82) + (work[592 + l] * t66)))
+                f0 = e4 + ((work[832 + l] * t61) - (work[544 + l] * ((-t66) - (work[576 + l] * t68))))
                 f1 = e5 + t136
                 f2 = e6 + t143
                 k0 = (work[144 + l] * t26_cos) - (work[160 + l] * t26_sin)
                 k1 = (work[144 + l] * t26_sin) + (work[160 + l] * t26_cos)
                 k2 = work[176 + l]
-                a0 = work[368 + l] * f0 + work[384 + l] * f1 + work[400 + l] * f2
-                a1 = work[416 + l] * f0 + work[432 + l] * f1 + work[448 + l] * f2
-                a2 = work[464 + l] * f0 + work[480 + l] * f1 + work[496 + l] * f2
+                a0 = work[400 + l] * f0 + work[416 + l] * f1 + work[432 + l] * f2
+                a1 = work[448 + l] * f0 + work[464 + l] * f1 + work[480 + l] * f2
+                a2 = work[496 + l] * f0 + work[512 + l] * f1 + work[528 + l] * f2
                 work[288 + l] = a0
                 work[304 + l] = a1
                 work[320 + l] = a2
@@ -334,8 +340,10 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             break
         s = min(q, last)
         h = steps[s]
-        u0 = act[s, 0]
-        u1 = act[s, 1]
+        m0 = act[s, 0]
+        m1 = act[s, 1]
+        d0 = act[s, 2]
+        d1 = act[s, 3]
         e0 = exo[s, 0]
         e1 = exo[s, 1]
         e2 = exo[s, 2]
@@ -365,6 +373,10 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             weight = 2.0 if (stage == 1 or stage == 2) else 1.0
             half = h if stage == 2 else 0.5 * h
             t = begin + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)
+            part += 1.0 if q > last else 0.0
+            u0 = m0 + part * d0
+            u1 = m1 + part * d1
             t43 = math.cos(z2)
             t45 = math.sin(z2)
             t47 = (e2 * t43) + (e3 * t45)
@@ -455,7 +467,8 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
                         if c >= 0:
                             spot = (c // 16 * 21 + slot[row]) * 16 + c % 16
                             for j in range(2):
-                                work[spot] += dinp[row, j] * dact[s, j, a]
+                                along = dact[s, j, a] + part * dact[s, 2 + j, a]
+                                work[spot] += dinp[row, j] * along
                     for j in range(9):
                         c = input_columns[j]
                         if c >= 0:
@@ -553,8 +566,10 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             break
         s = q - 1
         h = steps[s]
-        u0 = act[s, 0]
-        u1 = act[s, 1]
+        m0 = act[s, 0]
+        m1 = act[s, 1]
+        d0 = act[s, 2]
+        d1 = act[s, 3]
         e0 = exo[s, 0]
         e1 = exo[s, 1]
         e2 = exo[s, 2]
@@ -576,10 +591,15 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
         back5 = lam5
         ga0 = 0.0
         ga1 = 0.0
+        ga2 = 0.0
+        ga3 = 0.0
         for stage in range(3, -1, -1):
             weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0
             move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)
             t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)
+            u0 = m0 + part * d0
+            u1 = m1 + part * d1
             c0 = weight * lam0 + move * y0
             c1 = weight * lam1 + move * y1
             c2 = weight * lam2 + move * y2
@@ -636,7 +656,9 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             gpar[19] += (a1 + (z5 * v47)) * g1
             gpar[20] += (u0 * v61) * g2
             gpar[21] += g1
-            ga0 += v61 * v322
+            by0 = v61 * v322
+            ga0 += by0
+            ga2 += part * by0
             back0 += y0
             back1 += y1
             back2 += y2
@@ -651,6 +673,8 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
         lam5 = back5
         gact[s, 0] = ga0
         gact[s, 1] = ga1
+        gact[s, 2] = ga2
+        gact[s, 3] = ga3
     gx0[0] = lam0
     gx0[1] = lam1
     gx0[2] = lam2
@@ -665,11 +689,11 @@ FULL_ADJOINT_PARAMETERS = np.array([0, 1, 2, 3, 18, 19, 20, 21], dtype=np.int64)
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact):
     """Discrete adjoint over 16 vectors; arrays are flat with 16 values per entry."""
-    work = np.zeros(1120)
+    work = np.zeros(1184)
     for i in range(352):
-        work[640 + i] = par[i]
+        work[704 + i] = par[i]
     for i in range(144):
-        work[496 + i] = minv[i]
+        work[560 + i] = minv[i]
     sample = record.size - 1
     for q in range(steps.size, -1, -1):
         while sample >= 0 and record[sample] == q:
@@ -691,14 +715,15 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
             work[96 + i] = work[0 + i]
         for i in range(96):
             work[192 + i] = 0.0
-        for i in range(32):
-            work[464 + i] = 0.0
-        for i in range(32):
-            work[432 + i] = act[s * 32 + i]
+        for i in range(64):
+            work[496 + i] = 0.0
+        for i in range(64):
+            work[432 + i] = act[s * 64 + i]
         for stage in range(3, -1, -1):
             weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0
             move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)
             t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            part = -0.5 if stage == 0 else (0.5 if stage == 3 else 0.0)
             of = (s * 4 + stage) * 144
             for i in range(96):
                 work[288 + i] = trace[of + i]
@@ -711,9 +736,9 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 c3 = weight * work[48 + l] + move * work[240 + l]
                 c4 = weight * work[64 + l] + move * work[256 + l]
                 c5 = weight * work[80 + l] + move * work[272 + l]
-                g0 = work[496 + l] * c3 + work[544 + l] * c4 + work[592 + l] * c5
-                g1 = work[512 + l] * c3 + work[560 + l] * c4 + work[608 + l] * c5
-                g2 = work[528 + l] * c3 + work[576 + l] * c4 + work[624 + l] * c5
+                g0 = work[560 + l] * c3 + work[608 + l] * c4 + work[656 + l] * c5
+                g1 = work[576 + l] * c3 + work[624 + l] * c4 + work[672 + l] * c5
+                g2 = work[592 + l] * c3 + work[640 + l] * c4 + work[688 + l] * c5
                 g3 = c0
                 g4 = c1
                 g5 = c2
@@ -734,16 +759,16 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v67 = work[384 + l] - (work[352 + l] * work[368 + l])
                 v68 = work[368 + l] * work[368 + l]
                 v83 = work[400 + l] + (work[336 + l] * work[368 + l])
-                v266 = work[640 + l] * g2
-                v281 = (-(((work[672 + l] * v83) - (work[688 + l] * v67)) * g2)) - (((v83 - (work[688 + l] * v68)) + (work[672 + l] * work[416 + l])) * g1)
-                v282 = work[640 + l] * g1
-                v290 = (-(work[672 + l] * v266)) - v282
-                v302 = work[640 + l] * g0
-                v313 = work[368 + l] * ((work[688 + l] * v282) + (work[672 + l] * v302))
-                v316 = v302 - (work[688 + l] * v266)
-                v322 = work[960 + l] * g2
-                v326 = work[944 + l] * g1
-                v330 = v56 * ((work[432 + l] * v322) + (work[928 + l] * g0))
+                v266 = work[704 + l] * g2
+                v281 = (-(((work[736 + l] * v83) - (work[752 + l] * v67)) * g2)) - (((v83 - (work[752 + l] * v68)) + (work[736 + l] * work[416 + l])) * g1)
+                v282 = work[704 + l] * g1
+                v290 = (-(work[736 + l] * v266)) - v282
+                v302 = work[704 + l] * g0
+                v313 = work[368 + l] * ((work[752 + l] * v282) + (work[736 + l] * v302))
+                v316 = v302 - (work[752 + l] * v266)
+                v322 = work[1024 + l] * g2
+                v326 = work[1008 + l] * g1
+                v330 = v56 * (((work[432 + l] + part * work[464 + l]) * v322) + (work[992 + l] * g0))
                 v331 = v330 + v330
                 v338 = (work[368 + l] * v326) - v331
                 v348 = (v26_cos * (((work[336 + l] * g4) - (work[352 + l] * g3)) + (e3 * v338))) - (v26_sin * (((work[352 + l] * g4) + (work[336 + l] * g3)) + (e2 * v338)))
@@ -753,15 +778,17 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 y3 = (((v26_sin * g4) + (v26_cos * g3)) + (work[368 + l] * v290)) + v331
                 y4 = ((v26_cos * g4) - (v26_sin * g3)) + (work[368 + l] * v316)
                 y5 = ((v313 + ((g5 + (work[336 + l] * v290)) + v313)) + (work[352 + l] * v316)) + (v47 * v326)
-                work[992 + l] += v281 - (((v67 - (work[672 + l] * v68)) - (work[688 + l] * work[416 + l])) * g0)
-                work[1008 + l] += -(work[416 + l] * g2)
-                work[1024 + l] += ((-(v83 * v266)) - (work[416 + l] * v282)) + (v68 * v302)
-                work[1040 + l] += ((v67 * v266) + (v68 * v282)) + (work[416 + l] * v302)
-                work[1056 + l] += v61 * g0
-                work[1072 + l] += (work[400 + l] + (work[368 + l] * v47)) * g1
-                work[1088 + l] += (work[432 + l] * v61) * g2
-                work[1104 + l] += g1
-                work[464 + l] += v61 * v322
+                work[1056 + l] += v281 - (((v67 - (work[736 + l] * v68)) - (work[752 + l] * work[416 + l])) * g0)
+                work[1072 + l] += -(work[416 + l] * g2)
+                work[1088 + l] += ((-(v83 * v266)) - (work[416 + l] * v282)) + (v68 * v302)
+                work[1104 + l] += ((v67 * v266) + (v68 * v282)) + (work[416 + l] * v302)
+                work[1120 + l] += v61 * g0
+                work[1136 + l] += (work[400 + l] + (work[368 + l] * v47)) * g1
+                work[1152 + l] += ((work[432 + l] + part * work[464 + l]) * v61) * g2
+                work[1168 + l] += g1
+                by0 = v61 * v322
+                work[496 + l] += by0
+                work[528 + l] += part * by0
                 work[192 + l] = y0
                 work[208 + l] = y1
                 work[224 + l] = y2
@@ -776,12 +803,12 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 work[176 + l] += y5
         for i in range(96):
             work[0 + i] = work[96 + i]
-        for i in range(32):
-            gact[s * 32 + i] = work[464 + i]
+        for i in range(64):
+            gact[s * 64 + i] = work[496 + i]
     for i in range(96):
         gx0[i] = work[0 + i]
     for i in range(128):
-        gpar[i] = work[992 + i]
+        gpar[i] = work[1056 + i]
 
 
 FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (1, 9), (1, 10)], dtype=np.int64).reshape(-1, 2)
@@ -830,9 +857,10 @@ FULL_ACT_MEMORY = 2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
-    """Actuator positions held over each step (their mean), from commands held over each step."""
-    tangent = np.zeros(3)
+def full_actuate(command, delay_slope, stretch, lengths, owner, weight, tilt, weight_slope, tilt_slope,
+        par, slopes, restart, memory, carried, act, dact):
+    """Add means and changes of the positions over the steps, from commands held over pieces."""
+    tangent, ahead = np.zeros(3), np.zeros(3)
     if restart:
         value = command[0, 0]
         for c in range(3):
@@ -886,12 +914,14 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
         for c in range(3):
             carried[1, c] = tangent[c]
         value = end
-    for s in range(steps.size):
-        h = steps[s]
+    for s in range(lengths.size):
+        h = lengths[s]
+        o = owner[s]
         value = command[s, 0]
+        rest = 0.0
         if slopes:
             for c in range(3):
-                tangent[c] = 0.0
+                tangent[c] = ahead[c] = 0.0
         t8 = value - memory[0]
         t9 = (1.0 if t8 > 0.0 else 0.0) - (1.0 if t8 < 0.0 else 0.0)
         t12 = abs(t8)
@@ -900,6 +930,7 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
         t28 = math.exp(((t16 - h) / ((par[16] if par[16] > 1e-12 else 1e-12))))
         mean = value - ((t9 / h) * ((t16 * (0.5 * (t12 + t18))) + ((par[16] * t18) * (1.0 - t28))))
         end = value - (t28 * (t9 * t18))
+        rest = end - mean
         if slopes:
             v8 = value - memory[0]
             v9 = (1.0 if v8 > 0.0 else 0.0) - (1.0 if v8 < 0.0 else 0.0)
@@ -954,11 +985,17 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
             tangent[1] += mp1
             carried[0, 0] += ep0
             carried[0, 1] += ep1
+            for c in range(3):
+                ahead[c] = carried[0, c] - tangent[c]
         memory[0] = end
         value = mean
         t41 = (((value if value > (-par[17]) else (-par[17]))) if ((value if value > (-par[17]) else (-par[17]))) < par[17] else par[17])
         mean = t41
         end = t41
+        w39 = -par[17]
+        w148 = (1.0 - (1.0 if (((value if value > w39 else w39)) - par[17]) > 0.0 else 0.0)) * (1.0 - (1.0 if (w39 - value) > 0.0 else 0.0))
+        pass_on = w148
+        rest *= pass_on
         if slopes:
             v39 = -par[17]
             v143 = 1.0 if (((value if value > v39 else v39)) - par[17]) > 0.0 else 0.0
@@ -978,18 +1015,29 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
                 carried[1, c] = ex * old + ey * carried[1, c]
             tangent[2] += mp2
             carried[1, 2] += ep2
+            for c in range(3):
+                ahead[c] *= mx
         memory[1] = end
         value = mean
-        act[s, 0] = value
+        act[o, 0] += value * weight[s]
+        act[o, 2] += value * tilt[s]
         if slopes:
             for c in range(3):
-                dact[s, 0, c] = tangent[c]
+                dact[o, 0, c] += tangent[c] * weight[s]
+                dact[o, 2, c] += tangent[c] * tilt[s]
+        act[o, 2] += 2.0 * weight[s] * weight[s] * rest
+        if slopes:
+            for c in range(3):
+                dact[o, 2, c] += 2.0 * weight[s] * weight[s] * ahead[c]
         value = command[s, 1]
+        rest = 0.0
         if slopes:
             for c in range(3):
-                tangent[c] = 0.0
-        act[s, 1] = value
+                tangent[c] = ahead[c] = 0.0
+        act[o, 1] += value * weight[s]
+        act[o, 3] += value * tilt[s]
         if slopes:
             for c in range(3):
-                dact[s, 1, c] = tangent[c]
+                dact[o, 1, c] += tangent[c] * weight[s]
+                dact[o, 3, c] += tangent[c] * tilt[s]
 

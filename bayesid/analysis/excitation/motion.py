@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.equations.model import Model
-from bayesid.simulation import TimePlan, actuate, rates_on, simulate
+from bayesid.simulation import TimePlan, positions_at_samples, rates_on, simulate
 
 Array = np.ndarray
 
@@ -52,8 +52,7 @@ def exact_motion(model: Model, par: Array, plan: TimePlan, x0: Array, name: str 
     plan, x0 : as in `simulate`
     """
     track = simulate(model, par, plan, x0, full=False)
-    act, _ = actuate(model, par, plan, full=False)
-    positions = act[np.minimum(plan.record, plan.steps.size - 1)]
+    positions = positions_at_samples(model, par, plan, full=False)
     rate, _, _ = rates_on(model, par, track.states, positions, np.zeros(0, dtype=np.int64))
     nothing = np.zeros_like(track.states)
     gap = np.gradient(plan.t)

@@ -22,7 +22,7 @@ from bayesid.estimation.filter_error.kalman import whiten
 from bayesid.estimation.filter_error.read_run import ANGLES, filter_error_run
 from bayesid.estimation.filter_error.smoother import smooth
 from bayesid.estimation.run_data import RunData
-from bayesid.simulation import actuate
+from bayesid.simulation import mean_positions
 from bayesid.trials import Run
 from bayesid.trials.noise import rough_noise
 
@@ -138,12 +138,11 @@ def _held(model: Model, log: RunData) -> Array:
 def _begin(model: Model, log: RunData) -> _Work:
     nx, nv = len(model.states), len(model.kernel.velocities)
     plan = log.plan
-    act, _ = actuate(model, model.nominal, plan, full=False)
-    weighted = np.add.reduceat(act * plan.steps[:, None], plan.record[:-1], axis=0)
+    act = mean_positions(model, model.nominal, plan, full=False)
     states = log.path[:, :nx].copy()
     states[:, nx - nv :][:, _held(model, log)] = 0.0
     nothing = np.zeros((log.n - 1, nv))
-    return _Work(log, weighted / np.diff(plan.t)[:, None], states, nothing, np.zeros((log.n, nx + nv)))
+    return _Work(log, act, states, nothing, np.zeros((log.n, nx + nv)))
 
 
 def _features(model: Model, states: Array, act: Array) -> Array:

@@ -15,7 +15,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.run_data import Array
 from bayesid.model.terms import TERMS, Term, term
-from bayesid.simulation import actuate
+from bayesid.simulation import mean_positions
 
 _ROWS = {
     "X": ("vr", "vv", "rr", "uu", "drdr", "prop_un", "prop_n|n|"),
@@ -67,10 +67,7 @@ def along(model: Model, path: Linearisation, columns: Sequence[LibraryColumn]) -
 
 def actuator_means(model: Model, path: Linearisation) -> Array:
     """(n-1, na) mean positions of the actuators over the sample intervals of a path [rad, rpm]."""
-    plan = path.log.plan
-    act, _ = actuate(model, path.point.par, plan)
-    mean = np.add.reduceat(act * plan.steps[:, None], plan.record[:-1], axis=0)
-    return np.asarray(mean / np.diff(plan.t)[:, None])
+    return mean_positions(model, path.point.par, path.log.plan)
 
 
 def unit_of(column: LibraryColumn) -> str:

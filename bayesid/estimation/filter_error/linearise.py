@@ -186,8 +186,7 @@ def linearise(
     inputs = latent_inputs(model) if inputs is None else inputs
     # the actuators' motion is the same whatever forces act, and along both paths
     chain = chain_of(model, point.par, log.plan, free if hold else free[:0])
-    forced = chain._replace(plan=with_forces(model, chain.plan, forces_now))
-    maps = interval_maps(model, point.par, plan, point.states, inputs, here, chain=forced)
+    maps = interval_maps(model, point.par, plan, point.states, inputs, here, chain=chain)
     n_force = point.force.shape[1]
     raw = maps.gamma[:, :, :n_force].copy()
     maps.gamma[:, :, :n_force] = raw @ ratio
