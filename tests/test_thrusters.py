@@ -18,6 +18,7 @@ from bayesid.errors import ManoeuvreError, VehicleError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import fit_trial
+from bayesid.model.effects.named import named_effects
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_vehicle
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER
 from bayesid.model.vehicles.sufficient import lacking
@@ -51,6 +52,35 @@ def test_the_boat_moves_as_the_plant_does(model, planted):
     if planted:  # the control
         bare = simulate(model, model.nominal, plan, states[0]).states[:, :6]
         assert np.abs(bare - states).max() > 0.1
+
+
+def test_thrusters_of_one_type_have_common_effects_which_are_those_of_each_by_one_size(model):
+    kinds = {
+        "gain": ("share", -0.2),
+        "lag": ("tau", 0.6),
+        "dead_time": ("delay", 0.7),
+        "rate_limit": ("per_1000rpm", 1.5),
+    }
+    names = {e.name for e in model.causes}
+    assert {n for n in names if n.startswith("thrusters_")} == {f"thrusters_port_stbd_{k}" for k in kinds}
+    t = np.arange(0.0, 40.0, 0.5)
+    swing = np.where((t // 8) % 2 == 0, 1.0, -0.6)
+    orders = {"n_port_cmd": 900 * swing, "n_stbd_cmd": 500 - 300 * swing}
+    plan, start = plan_run(model, t, orders), np.zeros(6)
+
+    def motion(**values):
+        par = model.with_values({k.replace("__", "."): v for k, v in values.items()})
+        return simulate(model, par, plan, start).states[:, :6]
+
+    bare = motion()
+    for kind, (size, value) in kinds.items():
+        together = motion(**{f"thrusters_port_stbd_{kind}__{size}": value})
+        each = motion(**{f"thruster_{side}_{kind}__{size}": value for side in ("port", "stbd")})
+        np.testing.assert_allclose(together, each, atol=1e-9)
+        assert np.abs(together - bare).max() > 0.01
+    port, stbd = model.vehicle.thrusters
+    unlike = named_effects([port, replace(stbd, T_nn=1.1 * stbd.T_nn)])
+    assert not any(e.name.startswith("thrusters_") for e in unlike)
 
 
 @pytest.mark.thorough

@@ -36,10 +36,11 @@ class _Link:
     mean: Node
     end: Node
 
-    @property
-    def moves(self) -> bool:
-        """Whether it goes on with time; what does not gives the mean of its end."""
-        return self.end != self.mean
+    def left(self, g: Graph) -> Node:
+        """What the output has before it from its mean over the piece to its end: its own way, and what the
+        link lets through of the way that comes in, r<number>."""
+        through = g.mul(g.diff(self.mean, g.sym(f"x{self.number}")), g.sym(f"r{self.number}"))
+        return g.add(g.add(self.end, g.mul(g.const(-1.0), self.mean)), through)
 
 
 def actuate_lines(c: Context) -> list[str]:
@@ -131,11 +132,15 @@ def _step(
     ]
     for link in chain:
         i = link.number
-        symbols = {**table, f"x{i}": "value", f"y{i}": f"memory[{i}]"}
-        values = statements(g, [("mean", link.mean), ("end", link.end)], symbols)
+        symbols = {**table, f"x{i}": "value", f"y{i}": f"memory[{i}]", f"r{i}": "rest"}
+        outputs = (
+            ("mean", "m", link.mean, "tangent[{}]"), ("end", "e", link.end, f"carried[{i}, {{}}]"),
+            ("left", "r", link.left(g), "ahead[{}]"),
+        )  # fmt: skip
+        values = statements(g, [(name, node) for name, _, node, _ in outputs], symbols)
         slopes, added = [], []
-        for tag, node, target in (("m", link.mean, "tangent[{}]"), ("e", link.end, f"carried[{i}, {{}}]")):
-            slopes += [(f"{tag}{z}", g.diff(node, g.sym(f"{z}{i}"))) for z in "xy"]
+        for _, tag, node, target in outputs:
+            slopes += [(f"{tag}{z}", g.diff(node, g.sym(f"{z}{i}"))) for z in ("xyr" if tag == "r" else "xy")]
             by_length = g.diff(node, g.sym("h"))
             if delayed and g.value(by_length) != 0.0:
                 slopes.append((f"{tag}h", by_length))
@@ -145,27 +150,19 @@ def _step(
                 if g.value(slope) != 0.0:
                     slopes.append((f"{tag}p{c}", slope))
                     added.append(f"            {target.format(c)} += {tag}p{c}")
-        follows = [("pass_on", g.diff(link.mean, g.sym(f"x{i}")))]
         out += [
             *_indent(8, values),
-            *(
-                ["        rest = end - mean"]
-                if link.moves
-                else [*_indent(8, statements(g, follows, symbols, "w")), "        rest *= pass_on"]
-            ),
             "        if slopes:",
             *_indent(12, statements(g, slopes, symbols, "v")),
             f"            for c in range({len(columns)}):",
-            "                old = tangent[c]",
-            f"                tangent[c] = mx * old + my * carried[{i}, c]",
-            f"                carried[{i}, c] = ex * old + ey * carried[{i}, c]",
+            "                old, kept = tangent[c], carried[{i}, c]".replace("{i}", str(i)),
+            "                ahead[c] = rx * old + ry * kept + rr * ahead[c]",
+            "                tangent[c] = mx * old + my * kept",
+            f"                carried[{i}, c] = ex * old + ey * kept",
             *added,
-            f"            for c in range({len(columns)}):",
-            f"                ahead[c] = carried[{i}, c] - tangent[c]"
-            if link.moves
-            else "                ahead[c] *= mx",
             f"        memory[{i}] = end",
             "        value = mean",
+            "        rest = left",
         ]
     tilted = len(context.dyn.actuators) + a
     both = ((a, "weight"), (tilted, "tilt"))
@@ -180,7 +177,7 @@ def _step(
             for k in delayed
         ],
     ]
-    if not any(link.moves for link in chain):
+    if not chain:
         return out
     # a straight way from the mean to the end adds its change over the piece, twice their distance
     twice = "2.0 * weight[s] * weight[s]"

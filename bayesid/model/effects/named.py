@@ -3,8 +3,8 @@
 Takes: the actuators of a vehicle file. Gives declarations as in the catalogue: a shaft `n_bow` has the
 effects `thruster_bow_...`, an angle or bucket those of its column (`azimuth_bow_...`, `delta_1_...`). Twin
 rudders have one steering gear, or two of one type: what both have alike is one effect, `twin_fins_1_2_...`.
-More than two fins of one type, as of an X, have one supply beside: `fins_1_2_3_4_...`.
-Does not: know a kind of actuator; what it needs stands in its shape.
+More than two fins of one type, as of an X, have one supply beside: `fins_1_2_3_4_...`; so have thrusters of
+one type wherever they are, `thrusters_1_2_...`. Does not: say what may be wrong with one (`named_single`).
 """
 
 from __future__ import annotations
@@ -12,27 +12,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, replace
 
-from bayesid.model.actuators import Actuator, Fin, Shape, kind_of
-from bayesid.model.actuators.declare import servo_names
-from bayesid.model.effects.declare import Effect, EffectParameter, InputStage
+from bayesid.model.actuators import Actuator, Fin, Pusher, kind_of
+from bayesid.model.effects.declare import Effect
+from bayesid.model.effects.named_single import ALONE, of_fin, of_servo, of_shaft, share_of_force
 from bayesid.words import and_list
 
-_DEG = 0.017453292519943295
-_PUSHES = ("X", "N", "X+Y+N")
-_STEERS = ("N", "Y+N", "X+Y+N")
-_OFFSET = 0.03  # of the usual revolutions
-_WORDS = {
-    "azimuth": "The thruster {} turns", "nozzle": "The nozzle {} turns", "bucket": "The bucket {} moves",
-    "delta": "The fin {} turns",
-}  # fmt: skip
-# what a common supply, or a common type, makes of all the fins of an X at once
-_COMMON = ("lag", "dead_time", "rate_limit", "effectiveness")
-_ALONE = "This actuator only."
-# words of one fin -> of several
+# what a common supply, or a common type, makes of all the fins of an X, or of all thrusters, at once
+_COMMON = ("lag", "dead_time", "rate_limit", "effectiveness", "gain")
+_RPM = 1000.0  # usual revolutions where none are stated
+# words of one actuator -> of several
 _PLURAL = {
     "The fin {} turns": "The fins {} turn",
     "The fin {} gives": "The fins {} give",
     "The fin {} is": "The fins {} are",
+    "Thruster {} follows its": "Thrusters {} follow their",
+    "Thruster {} gives": "Thrusters {} give",
+    "Thruster {} takes": "Thrusters {} take",
+    "Thruster {} acts": "Thrusters {} act",
 }
 
 
@@ -51,15 +47,17 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
         angles = kind_of(shape).turned_by(shape)
         for signal in actuator.signals:
             if signal in angles:
-                out += _of_servo(signal, shape.name)
+                out += of_servo(signal, shape.name)
             else:
-                out += _of_shaft(shape, signal, rpm_ref or 1000.0)
+                out += of_shaft(shape, signal, rpm_ref or _RPM)
         if actuator.signals == angles:
-            out += _of_fin(shape, angles[0])
+            out += of_fin(shape, angles[0])
     for twins in _twins(actuators):
-        out += _of_both(twins)
+        out += _of_fins(twins)
     for fins in _sets(actuators):
-        out += [effect for effect in _of_both(fins) if effect.name.endswith(_COMMON)]
+        out += [effect for effect in _of_fins(fins) if effect.name.endswith(_COMMON)]
+    for pushers in _one_type(actuators):
+        out += [effect for effect in _of_shafts(pushers, rpm_ref or _RPM) if effect.name.endswith(_COMMON)]
     return tuple(out)
 
 
@@ -68,7 +66,7 @@ def whole_forces(actuators: Sequence[Actuator]) -> dict[str, tuple[str, ...]]:
     twins = _twins(actuators)
     paired = {fin.name for pair in twins for fin in pair}
     alone = [actuator for actuator in actuators if actuator.name not in paired]
-    declared: list[tuple[Sequence[Actuator], Sequence[Effect]]] = [(pair, _of_both(pair)) for pair in twins]
+    declared: list[tuple[Sequence[Actuator], Sequence[Effect]]] = [(pair, _of_fins(pair)) for pair in twins]
     declared += [((one,), named_effects([one])) for one in alone]
     return {
         effect.name: tuple(signal for actuator in group for signal in actuator.signals)
@@ -80,7 +78,7 @@ def whole_forces(actuators: Sequence[Actuator]) -> dict[str, tuple[str, ...]]:
 
 def _whole(group: Iterable[Actuator]) -> dict[str, str]:
     """The force of an effect that scales all forces of some actuators by one share."""
-    each = [_beyond(actuator.shape, "share") for actuator in group]
+    each = [share_of_force(actuator.shape, "share") for actuator in group]
     return {axis: " + ".join(force[axis] for force in each) for axis in each[0]}
 
 
@@ -119,32 +117,63 @@ def _mirrored(along: tuple[float, float, float]) -> tuple[tuple[float, float, fl
     return (ahead, -aside, down), (-ahead, aside, -down)
 
 
-def _of_both(twins: Sequence[Fin]) -> list[Effect]:
+def _one_type(actuators: Sequence[Actuator]) -> list[list[Pusher]]:
+    """Thrusters of one kind with the same curve, two or more, wherever they are and point to."""
+    alike: dict[tuple[object, ...], list[Pusher]] = {}
+    for one in actuators:
+        if isinstance(one, Pusher):
+            nowhere = replace(one, name="", at=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0))
+            alike.setdefault((one.kind, *astuple(nowhere)), []).append(one)
+    return [group for group in alike.values() if len(group) > 1]
+
+
+def _of_fins(fins: Sequence[Fin]) -> list[Effect]:
     """The effects of one fin, on twins, or all of several, by the same size."""
     each = []
-    for fin in twins:
+    for fin in fins:
         (signal,) = fin.signals
-        each.append([*_of_servo(signal, fin.name), *_of_fin(fin.shape, signal)])
-    names = [fin.name for fin in twins]
-    prefix = f"{'twin_' if len(twins) == 2 else ''}fins_{'_'.join(names)}"
-    said_of, who = _numbered(names), "Both" if len(twins) == 2 else "All"
+        each.append([*of_servo(signal, fin.name), *of_fin(fin.shape, signal)])
+    names = [fin.name for fin in fins]
+    prefix = f"{'twin_' if len(fins) == 2 else ''}fins_{'_'.join(names)}"
+    return _together(each, names, prefix, f"{fins[0].signals[0]}_")
+
+
+def _of_shafts(pushers: Sequence[Pusher], rpm_ref: float) -> list[Effect]:
+    """The effects of one shaft, on several by the same size."""
+    each = [of_shaft(one.shape, f"n_{one.name}", rpm_ref) for one in pushers]
+    names = [one.name for one in pushers]
+    return _together(each, names, f"thrusters_{'_'.join(names)}", f"thruster_{names[0]}_")
+
+
+def _together(
+    each: Sequence[Sequence[Effect]], names: Sequence[str], prefix: str, single: str
+) -> list[Effect]:
+    """Effects that several actuators have by the same size, in the order of those of each.
+
+    Parameters
+    ----------
+    each : the effects of every actuator
+    names : of the actuators
+    prefix : what the names of the effects begin with, in place of `single`
+    """
+    said_of, who = _numbered(names), "Both" if len(names) == 2 else "All"
     out = []
     for effects in zip(*each, strict=True):
         first = effects[0]
-        kind = first.name.removeprefix(f"{twins[0].signals[0]}_")
         says = first.says
         for one, many in _PLURAL.items():
             said = one.format(names[0])
             if says.startswith(said):
                 says = many.format(said_of) + says.removeprefix(said)
-        alone = first.form == _ALONE
+        alone = first.form == ALONE
         axes = {axis: " + ".join(e.force[axis] for e in effects) for axis in first.force}
+        family = (first.family + "_").removeprefix(single).removesuffix("_")
         out.append(
             replace(
                 first,
-                name=f"{prefix}_{kind}",
+                name=f"{prefix}_{first.name.removeprefix(single)}",
                 says=says.replace("than its order is", "than their orders are"),
-                family=f"{prefix}_{first.family.removeprefix(f'{twins[0].signals[0]}_')}",
+                family=f"{prefix}_{family}" if family else prefix,
                 stages=tuple(stage for e in effects for stage in e.stages),
                 adjust={k: v for e in effects for k, v in e.adjust.items()},
                 force=axes,
@@ -162,234 +191,3 @@ def _numbered(names: Sequence[str]) -> str:
     if first is None or len(names) < 3 or list(names) != [str(first + k) for k in range(len(names))]:
         return and_list(list(names))
     return f"{names[0]} to {names[-1]}"
-
-
-def _beyond(shape: Shape, share: str) -> dict[str, str]:
-    """A share of all forces of an actuator, by axis."""
-    parts = kind_of(shape).parts(shape)
-    return {
-        axis: f"{share}*({' + '.join(f'({force})*{arms[axis]}' for force, arms in parts)})"
-        for axis in parts[0][1]
-    }
-
-
-def _late(column: str, prefix: str, says: str, where: tuple[str, ...]) -> Effect:
-    return Effect(
-        name=f"{prefix}_dead_time",
-        says=f"{says} {{delay:s:later:earlier}} than its order is logged.",
-        family=f"{prefix}_timing",
-        port="input",
-        where=where,
-        parameters=(
-            EffectParameter("delay", "s", 0.3, "L/U", low=0, high=20, about="acts later than logged"),
-        ),
-        stages=(InputStage(column, 10, delay="delay"),),
-        source="pure delay of a held command",
-        magnitude="0.05-0.5 s",
-        form=_ALONE,
-    )  # fmt: skip
-
-
-def _lag_parameter() -> tuple[EffectParameter, ...]:
-    return (
-        EffectParameter(
-            "tau", "s", 0.3, "L/U", one_sided=True, low=0, high=20, about="first-order time constant"
-        ),
-    )
-
-
-def _of_shaft(shape: Shape, column: str, rpm_ref: float) -> list[Effect]:
-    prefix, who = f"thruster_{shape.name}", f"Thruster {shape.name}"
-    rest = "exp(-h/max(tau, 1e-12))"
-    lag = Effect(
-        name=f"{prefix}_lag",
-        says=f"{who} follows its orders with a lag of {{tau:s}}.",
-        family=f"{prefix}_timing",
-        port="input",
-        where=_PUSHES,
-        parameters=_lag_parameter(),
-        stages=(InputStage(column, 30, f"x - (x - y)*{rest}", f"x - (x - y)*tau/h*(1 - {rest})"),),
-        smooth=False,
-        source="first-order shaft, solved exactly over a step so that tau = 0 is exact",
-        magnitude="0.05-0.5 s",
-        form="First order in the revolutions.",
-    )
-    gain = Effect(
-        name=f"{prefix}_gain",
-        says=f"{who} gives {{share:%:more:less}} thrust than stated.",
-        family=prefix,
-        port="force",
-        where=_PUSHES,
-        parameters=(EffectParameter("share", "-", 0.15, low=-1.0, about="thrust beyond that stated, share"),),
-        force=_beyond(shape, "share"),
-        source="assumed: the whole curve scaled",
-        magnitude="port and starboard of one type differ by 5-15 %",
-        form="The same share ahead and astern, at every inflow.",
-    )
-    moving = "min(abs(x - y)*per_1000rpm/1000, h)"
-    left = "max(abs(x - y) - 1000*h/max(per_1000rpm, 1e-12), 0)"
-    rate = Effect(
-        name=f"{prefix}_rate_limit",
-        says=f"{who} takes {{per_1000rpm:s}} to change by 1000 rpm.",
-        family=f"{prefix}_rate_limit",
-        port="input",
-        where=_PUSHES,
-        parameters=(
-            EffectParameter(
-                "per_1000rpm", "s", 1.0, "L/U", one_sided=True, about="time for 1000 rpm of change, 0: none"
-            ),
-        ),
-        stages=(
-            InputStage(
-                column,
-                35,
-                f"x - sgn(x - y)*{left}",
-                f"x - sgn(x - y)*({left} + 0.5*(abs(x - y) - {left})*{moving}/h)",
-            ),
-        ),
-        smooth=False,
-        source="ramp of a motor controller, solved exactly over a step",
-        magnitude="0.2-5 s from rest to full ahead",
-        form="Hard limit of the rate of the revolutions, the same up and down; reciprocal, so that no limit "
-        "is zero.",
-    )
-    offset = Effect(
-        name=f"{prefix}_offset",
-        says=f"{who} turns {{offset:rpm:faster:slower}} than ordered, to the side of ahead.",
-        family=f"{prefix}_offset",
-        port="input",
-        where=_PUSHES,
-        parameters=(
-            EffectParameter(
-                "offset", "rpm", _OFFSET * rpm_ref, low=-rpm_ref, high=rpm_ref, about="added to the orders"
-            ),
-        ),
-        stages=(InputStage(column, 60, "x + offset", "x + offset"),),
-        source="assumed: constant error of the zero of a controller",
-        magnitude="a few per cent of the usual revolutions",
-        form="A constant, added behind lag and rate limit; the dead band of the file is about the true zero.",
-    )
-    out = [gain, lag, _late(column, prefix, f"{who} acts", _PUSHES), rate, offset]
-    astern = f"{shape.kind}_{shape.name}_reverse"
-    if astern in kind_of(shape).constants_of(shape):
-        out.append(
-            Effect(
-                name=f"{prefix}_astern",
-                says=f"{who} gives {{share:%:more:less}} thrust astern than stated, ahead as stated.",
-                family=prefix,
-                port="force",
-                where=_PUSHES,
-                parameters=(
-                    EffectParameter("share", "-", 0.2, low=-1.0, about="thrust astern beyond that stated"),
-                ),
-                force=_astern(shape, column),
-                source="assumed: blades of a propeller made for ahead",
-                magnitude="5-30 %",
-                form="The whole curve of negative revolutions scaled.",
-            )
-        )
-    return out
-
-
-def _astern(shape: Shape, column: str) -> dict[str, str]:
-    return _beyond(shape, f"share*step(-{column})")
-
-
-def _of_servo(signal: str, name: str) -> list[Effect]:
-    what, bucket = _WORDS[signal.partition("_")[0]].format(name), signal.startswith("bucket")
-    unit, size = ("-", 0.05) if bucket else ("rad", 2 * _DEG)
-    inverse_rate, servo_lag, _ = servo_names(signal)
-    angle, speed = ("-", "-") if bucket else ("deg", "deg/s")
-    play = "min(max(y, x - half_width), x + half_width)"
-    return [
-        Effect(
-            name=f"{signal}_offset",
-            says=f"{what} {{offset:{angle}}} beyond what is ordered.",
-            family=f"{signal}_offset",
-            port="input",
-            where=_STEERS,
-            parameters=(
-                EffectParameter("offset", unit, size, low=-10 * size, high=10 * size, about="added to it"),
-            ),
-            stages=(InputStage(signal, 60, "x + offset", "x + offset"),),
-            source="assumed: constant error of the zero",
-            magnitude="0.5-2 degrees",
-            form="A constant, added behind play, servo and stops.",
-        ),
-        Effect(
-            name=f"{signal}_lag",
-            says=f"{what} with a lag of {{tau:s}}.",
-            family=f"{signal}_timing",
-            port="input",
-            where=_STEERS,
-            parameters=_lag_parameter(),
-            smooth=False,
-            adjust={servo_lag: "value + tau"},
-            source="first-order servo inside its rate limit, solved exactly over a step, so tau = 0 is exact",
-            magnitude="0.1-3 s",
-            form="First order inside the rate limit, beside the lag of the file.",
-        ),
-        _late(signal, signal, what, _STEERS),
-        Effect(
-            name=f"{signal}_rate_limit",
-            says=f"{what} by {{{inverse_rate}+inverse_rate_excess:1/{speed}}} instead of "
-            f"{{{inverse_rate}:1/{speed}}}.",
-            family=f"{signal}_rate_limit",
-            port="input",
-            where=_STEERS,
-            parameters=(
-                EffectParameter(
-                    "inverse_rate_excess", "s" if bucket else "s/rad", 3.5, "L/U", one_sided=True,
-                    about="1/R - 1/R_nominal of its rate R",
-                ),
-            ),
-            adjust={inverse_rate: "value + inverse_rate_excess"},
-            smooth=False,
-            source="assumed: a pump or motor weaker than stated",
-            magnitude="2-60 degrees a second",
-            form="Hard limit of the rate; reciprocal, so that no limit is zero.",
-        ),
-        Effect(
-            name=f"{signal}_backlash",
-            says=f"{what} with a play of {{half_width:{angle}}} to either side.",
-            family=f"{signal}_backlash",
-            port="input",
-            where=_STEERS,
-            parameters=(
-                EffectParameter(
-                    "half_width", unit, 0.75 * size, one_sided=True, low=0, high=5 * size,
-                    about="half of the play",
-                ),
-            ),
-            stages=(InputStage(signal, 25, play, play),),
-            smooth=False,
-            source="play operator",
-            magnitude="0.3-2 degrees",
-            form="Play between order and angle, before the servo.",
-        ),
-    ]  # fmt: skip
-
-
-def _of_fin(shape: Shape, signal: str) -> list[Effect]:
-    said = (
-        ("effectiveness", "gives {share:%:more:less} force than stated", "share", 0.2, "every angle alike"),
-        ("asymmetry", "is {share:%:stronger:weaker} at positive angles, the opposite at negative",
-         f"share*sgn({signal})", 0.1, "more to one side and less to the other"),
-    )  # fmt: skip
-    return [
-        Effect(
-            name=f"{signal}_{word}",
-            says=f"The fin {shape.name} {text}.",
-            family=f"{signal}_{word}",
-            port="force",
-            where=_STEERS,
-            parameters=(
-                EffectParameter("share", "-", sd, low=-1.0, about=f"force beyond that stated, {form}"),
-            ),
-            force=_beyond(shape, share),
-            source="scale effect on fins and wake (ITTC 7.5-04-02-01)",
-            magnitude="5-30 %",
-            form=f"Force, moment and drag of the fin, {form}.",
-        )
-        for word, text, share, sd, form in said
-    ]
