@@ -15,7 +15,7 @@ from bayesid.estimation.parameters import coefficient_prior
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Channels, Run, Trial, thin
-from bayesid.trials.averaging import MOST_LEFT, averaged
+from bayesid.trials.averaging import MOST_LEFT, WHOLE, averaged
 
 L_U = 20.0  # s
 NOISE = {"psi": 0.01, "u": 0.05}
@@ -85,6 +85,34 @@ def test_an_order_that_changes_with_every_sample_is_held_at_its_mean():
     # control: the order at the sample, held to the next one, has pushed otherwise
     lone = np.cumsum(order[np.searchsorted(was.t, run.t[:-1])] * np.diff(run.t))
     assert np.abs(lone - expected).max() > 0.01
+
+
+def test_revolutions_that_change_with_every_sample_are_held_at_those_of_their_thrust():
+    """A thruster that holds a depth goes ahead and astern; the mean of its revolutions is another thrust."""
+    was = straight()
+    order = 300.0 * np.sin(0.9 * was.t) + 40.0 * np.random.default_rng(0).standard_normal(was.t.size)
+    out = averaged(trial_of([replace(was, commands={"n_5_cmd": order})]), L_U, 500)
+    run = out.runs[0]
+    assert "n_5_cmd held at means" in out.warnings[-1]
+    pushed = np.concatenate([[0.0], np.cumsum((order * np.abs(order))[:-1] * np.diff(was.t))])
+    n = run.commands["n_5_cmd"][:-1]
+    expected = np.diff(np.interp(run.t, was.t, pushed)) / np.diff(run.t)
+    np.testing.assert_allclose(n * np.abs(n), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_an_average_beside_the_middle_of_its_readings_has_the_noise_it_states(every):
+    """Blocks about readings of a seldom channel: a line through two readings is worth one at the second."""
+    t, rng = 5.0 + 0.1 * np.arange(24000), np.random.default_rng(5)
+    seldom = np.where(np.arange(t.size) % every == 0, 2.0 + 0.05 * rng.standard_normal(t.size), np.nan)
+    run = run_of(t, 0.3 + 0.01 * rng.standard_normal(t.size), seldom, np.zeros(t.size))
+    for most in (1000, 20000):  # with and without need to lose weight
+        out = averaged(trial_of([run]), 0.8 * every, most)
+        psi = out.runs[0].data["psi"]
+        z = (psi[np.isfinite(psi)] - 0.3) / out.noise["psi"]
+        assert np.mean(z**2) == pytest.approx(1.0, abs=5 * np.sqrt(2 / z.size))
+        weight = np.isfinite(psi).sum() / out.noise["psi"] ** 2 / (t.size / NOISE["psi"] ** 2)
+        assert weight > (WHOLE if most == 20000 else 0.45)
 
 
 def test_seldom_readings_are_put_into_the_middles_of_blocks():

@@ -2,7 +2,8 @@
 
 Takes a `Trial` and the size of its vehicle. Gives a `Trial` with fewer readings of less noise, or the same.
 Does not: touch orders that are held for longer than a block, which switch when they did, nor logs that are
-short enough as they are. An order that changes all the time, an autopilot's, is held at its mean instead.
+short enough as they are. An order that changes all the time, an autopilot's, is held at its mean instead, one
+of revolutions at that of the thrust they give (n|n|).
 
 The readings of a block are replaced by the line through them at its middle: exact for motion without bend,
 whatever the stamps. A bend adds a 24th of the second difference of neighbouring averages; it is taken off,
@@ -21,6 +22,7 @@ import numpy as np
 
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.trial import Floats, Run, Trial
+from bayesid.words import and_list
 
 USUAL_BLOCK, LONGEST_BLOCK = 0.05, 0.25  # L/U; longer than usual only as far as too many readings are left
 LONGER = 1.1  # a block that is tried after a shorter one
@@ -34,6 +36,8 @@ BESIDE = 0.05  # of a block: a reading so near its middle is moved there, by a l
 WORTH = 0.75  # most samples left, of those there were: every change of an order keeps one
 FEWEST = 1.9  # readings per block, below which a channel keeps its own
 FULL = 0.75  # share of the usual readings a block must hold
+WHOLE = 0.75  # least share of the readings' weight that averages keep,
+FAR = 5  # unless this many times more samples are there than are taken as they are
 SAME_RATE = 0.2  # relative difference of the readings per block between runs that share a noise
 
 
@@ -57,9 +61,44 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
         return trial
     spacing = float(np.median(np.concatenate([np.diff(run.t) for run in runs])))
     usual, longest = (round(block * time_scale / spacing) for block in (USUAL_BLOCK, LONGEST_BLOCK))
+    best = _best(trial, spacing, usual, longest, most, WHOLE)
+    if best is None and samples > FAR * most:
+        best = _best(trial, spacing, usual, longest, most, 0.0)
+    if best is None:
+        return trial
+    count, out, left = best
+    drawn = sorted(
+        {name for run in runs for name, v in run.commands.items() if _restless(run, v, count * spacing)}
+    )
+    ordered = (
+        "orders as logged"
+        if not drawn
+        else f"{and_list(drawn)} held at means over them, other orders as logged"
+    )
+    words = (
+        f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "
+        f"({count * spacing / time_scale:.2g} L/U), {ordered}; what the motion bends "
+        f"within an average is taken off but for {left:.1g} of its noise (--resample takes single readings)"
+    )
+    derived = velocity_from_track(runs)
+    known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
+    return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
+
+
+def _best(
+    trial: Trial, spacing: float, usual: int, longest: int, most: int, whole: float
+) -> tuple[int, Trial, float] | None:
+    """Readings per block, the averaged trial and what is left of a bend; None where nothing is gained.
+
+    Parameters
+    ----------
+    spacing : time between readings [s]
+    usual, longest : readings per block to begin with, and at most
+    whole : least share of the readings' weight that the averages of every channel keep
+    """
     best = None
     for count in _counts(max(usual, 2), longest):
-        done = _averaged(trial, count * spacing, count)
+        done = _averaged(trial, count * spacing, count, whole)
         if done is None:
             continue
         if done[1] > MOST_LEFT:
@@ -70,21 +109,11 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
             break
     count = usual // 2
     while best is None and count >= 2:
-        done = _averaged(trial, count * spacing, count)
+        done = _averaged(trial, count * spacing, count, whole)
         if done is not None and done[1] <= MOST_LEFT:
             best = count, *done
         count //= 2
-    if best is None or _samples(best[1]) > WORTH * samples:
-        return trial
-    count, out, left = best
-    words = (
-        f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "
-        f"({count * spacing / time_scale:.2g} L/U), orders as logged; what the motion bends "
-        f"within an average is taken off but for {left:.1g} of its noise (--resample takes single readings)"
-    )
-    derived = velocity_from_track(runs)
-    known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
-    return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
+    return best if best is not None and _samples(best[1]) <= WORTH * _samples(trial) else None
 
 
 def _samples(trial: Trial) -> int:
@@ -99,15 +128,18 @@ def _counts(first: int, last: int) -> Iterator[int]:
         count = max(count + 1, round(LONGER * count))
 
 
-def _averaged(trial: Trial, width: float, count: int) -> tuple[Trial, float] | None:
-    """Runs averaged over blocks of `width` [s], and the most left of a bend; None: unlike rates."""
+def _averaged(trial: Trial, width: float, count: int, whole: float) -> tuple[Trial, float] | None:
+    """Runs averaged over blocks of `width` [s], and the most left of a bend; None: unlike rates, or averages
+    that keep less than the share `whole` of the readings' weight."""
     runs, factors = list[Run](), list[dict[str, float]]()
     for run in trial.runs:
         if run.duration < 2.0 * width:  # too short for its rate to tell: one average of all
-            out, _ = _run(run, run.duration + width / count, run.n_samples)
+            out, _, _ = _run(run, run.duration + width / count, run.n_samples)
             held = dict[str, float]()
         else:
-            out, held = _run(run, width, count)
+            out, held, kept = _run(run, width, count)
+            if run.role == "identify" and kept < whole:
+                return None
         runs.append(out)
         factors.append(held)
     noise = dict(trial.noise)
@@ -123,23 +155,24 @@ def _averaged(trial: Trial, width: float, count: int) -> tuple[Trial, float] | N
     return replace(trial, runs=tuple(runs), noise=noise), max(left, default=0.0)
 
 
-def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
-    """One run averaged, and channel -> readings per block; 1 for a channel that keeps its own readings."""
+def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float], float]:
+    """One run averaged; channel -> readings an average is worth, 1 for a channel that keeps its own readings;
+    the least share of the readings' weight that averages of a channel keep."""
     firsts = [run.t[good][0] - run.t[0] for v in run.data.values() if (good := np.isfinite(v)).any()]
     # blocks begin with the run, or so that the readings of a seldom channel are in their middles: what needs
-    # the fewest samples
+    # the fewest samples of those that keep the weight of the others
     begins = [-0.5 * width / count, *sorted({float((b - 0.5 * width) % width) - width for b in firsts})]
     if width > run.duration:  # one block
         begins = begins[:1]
-    grid = min((_Grid(run, width, begin) for begin in begins), key=lambda g: g.t.size)
-    commands = {name: grid.order(values) for name, values in run.commands.items()}
+    grid = min((_Grid(run, width, begin) for begin in begins), key=lambda g: (g.kept < WHOLE, g.t.size))
+    commands = {name: grid.order(name, values) for name, values in run.commands.items()}
     groups: dict[str, Any] = {"data": grid.data(), "commands": commands}
     for group in ("measured_inputs", "exogenous", "propulsion", "extra"):
         groups[group] = {name: grid.input(values) for name, values in getattr(run, group).items()}
     note = f"averaged over {width:g} s from {run.digest[:12]}"
     began = float(run.t[0]) if run.began is None else run.began  # half a block before its first average
     out = replace(run, t=run.t[0] + grid.t, began=began, provenance=(*run.provenance, note), **groups)
-    return out, grid.held
+    return out, grid.held, grid.kept
 
 
 class _Grid:
@@ -148,7 +181,9 @@ class _Grid:
     Attributes
     ----------
     t : (m,) times from the first sample of the run [s]
-    held : channel -> readings per block; 1 for a channel that keeps its own readings
+    held : channel -> readings an average is worth; 1 for a channel that keeps its own readings
+    kept : least share of the readings' weight that the averages of a channel keep: a line through readings
+        that lie beside the middle of their block tells less there, one through two no more than a reading
     """
 
     def __init__(self, run: Run, width: float, begin: float) -> None:
@@ -161,12 +196,14 @@ class _Grid:
         self._whole = (self._middle >= t[0]) & (self._middle <= t[-1])
         kept = self._middle[self._whole]
         self._means, self.held, self._own = dict[str, Floats](), dict[str, float](), dict[str, Floats]()
+        self.kept = 1.0
         for name, values in run.data.items():
-            mean, share, rate = self._lines(values)
+            mean, share, rate, worth = self._lines(values)
             if rate < FEWEST:
                 self.held[name], self._own[name] = 1.0, values
             else:
-                self.held[name], self._means[name] = rate, _unbent(mean, share)
+                self.held[name], self._means[name] = rate * worth, _unbent(mean, share)
+                self.kept = min(self.kept, worth)
         switched = [t[moves] for values in run.commands.values() if not self._moving(moves := _moves(values))]
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
@@ -178,7 +215,7 @@ class _Grid:
     def _moving(self, moves: np.ndarray) -> bool:
         return bool(np.count_nonzero(moves) > HELD * self._middle.size)
 
-    def _lines(self, values: Floats) -> tuple[Floats, Floats, float]:
+    def _lines(self, values: Floats) -> tuple[Floats, Floats, float, float]:
         return _lines(self._t, values, self._block, self._middle, self._width)
 
     def data(self) -> dict[str, Floats]:
@@ -197,21 +234,25 @@ class _Grid:
                 out[name][inside] = np.interp(self.t[inside], read, values[good])
         return out
 
-    def order(self, values: Floats) -> Floats:
-        """An order as it is held at the samples; one that changes all the time at its mean to the next."""
+    def order(self, name: str, values: Floats) -> Floats:
+        """An order as it is held at the samples; one that changes all the time at its mean to the next, of
+        revolutions at that of n|n|, with which thrust goes."""
         row = np.clip(np.searchsorted(self._t, self.t + 1e-6 * self._width, side="right") - 1, 0, None)
         held = values[row]
         if not self._moving(_moves(values)) or not np.isfinite(values).all() or self.t.size < 2:
             return held
         spans = np.diff(self._t)
-        total = np.concatenate([[0.0], np.cumsum(values[:-1] * spans)])
+        turning = name.startswith("n_")
+        pull = values * np.abs(values) if turning else values
+        total = np.concatenate([[0.0], np.cumsum(pull[:-1] * spans)])
         until = np.interp(self.t, self._t, total)
-        held[:-1] = np.diff(until) / np.diff(self.t)
+        mean = np.diff(until) / np.diff(self.t)
+        held[:-1] = np.sign(mean) * np.sqrt(np.abs(mean)) if turning else mean
         return held
 
     def input(self, values: Floats) -> Floats:
         """Averages, linear in between; its own readings where it has few."""
-        means, _, _ = self._lines(values)
+        means, _, _, _ = self._lines(values)
         good = np.isfinite(means) & self._whole
         if good.any():
             return np.interp(self.t, self._middle[good], means[good])
@@ -219,6 +260,11 @@ class _Grid:
         if not fine.any():
             return np.full(self.t.size, np.nan)
         return np.interp(self.t, self._t[fine], values[fine])
+
+
+def _restless(run: Run, values: Floats, width: float) -> bool:
+    """Whether an order changes in more than every other block."""
+    return bool(np.count_nonzero(_moves(values)) > HELD * max(run.duration / width, 1.0))
 
 
 def _moves(values: Floats) -> np.ndarray:
@@ -238,9 +284,10 @@ def _off(samples: Floats, t: Floats, beside: float) -> Floats:
 
 def _lines(
     t: Floats, values: Floats, block: np.ndarray, middle: Floats, width: float
-) -> tuple[Floats, Floats, float]:
+) -> tuple[Floats, Floats, float, float]:
     """(n,) the line through the readings of each block at its middle, NaN where few; (n,) what it takes of a
-    bend, over that of many even readings; how many a block holds by the time between readings."""
+    bend, over that of many even readings; how many a block holds by the time between readings; what one is
+    worth there, of one of readings about the middle (the variance of a line beside its centre)."""
     good, n = np.isfinite(values), middle.size
     times = t[good]
     rate = width / float(np.median(np.diff(times))) if times.size > 1 else 0.0
@@ -257,7 +304,9 @@ def _lines(
         spread = tt - mean_t**2
         out = origin + mean_x - (tx - mean_t * mean_x) / spread * mean_t
         share = 12.0 * (tt - mean_t * (ttt - mean_t * tt) / spread)
-    return np.where(enough, out, np.nan), np.where(enough, share, 0.0), rate
+        worth = 1.0 / (1.0 + mean_t**2 / spread)
+    usual = float(np.median(worth[enough])) if enough.any() else 1.0
+    return np.where(enough, out, np.nan), np.where(enough, share, 0.0), rate, usual
 
 
 def _unbent(means: Floats, share: Floats) -> Floats:
@@ -285,7 +334,7 @@ def _left(run: Run, noise: Mapping[str, float], held: Mapping[str, float], width
     out = 0.0
     for name, values in run.data.items():
         good = np.isfinite(values)
-        if name not in noise or held.get(name, 1.0) < 2 or good.sum() < 5:
+        if name not in noise or held.get(name, 1.0) <= 1.0 or good.sum() < 5:
             continue
         x, t = values[good], run.t[good]
         near = np.abs(t[4:] - t[:-4] - 4.0 * width) < 0.1 * width
