@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from thruster_plants import BOAT, boat_run, boat_trial
 
+import bayesid
 from bayesid.api.compare import compare
 from bayesid.diagnosis.input import unmoved_inputs
 from bayesid.diagnosis.input.vehicle_behaviour import speed_ratio
@@ -22,6 +23,7 @@ from bayesid.model.effects.named import named_effects
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_vehicle
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER
 from bayesid.model.vehicles.sufficient import lacking
+from bayesid.progress import Progress
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import load_trial, write_trial
@@ -178,3 +180,16 @@ def test_manoeuvres_of_a_rudder_are_not_compared_for_a_boat_without_one():
     with pytest.raises(ManoeuvreError, match="has no rudder: manoeuvres are compared for rudder"):
         compare(BOAT, quick=True)
     assert any("no rudder" in text for text in lacking(load_vehicle(BOAT))["design"])
+
+
+@pytest.mark.thorough
+def test_rows_made_of_freed_added_masses_are_freed_with_them_unless_they_are_kept():
+    """N_v is Y_vdot - X_udot: held at what a wrong added mass made of it, damping would make up for it."""
+    progress, said = Progress(quiet=True), list[str]()
+    progress.note = said.append
+    found = bayesid.fit(boat_trial(3), free="Y_vdot,N_r0", pieces=15.0, progress=progress).found
+    names = set(found.problem.params.names)
+    assert {"Y_vdot", "N_r0", "N_v", "X_vr"} <= names
+    assert "freed as well" in " ".join(said)
+    kept = bayesid.fit(boat_trial(3), free="Y_vdot,N_r0", fix="N_v,X_vr,Y_r", pieces=15.0).found
+    assert {"N_v", "X_vr"}.isdisjoint(kept.problem.params.names)

@@ -19,7 +19,12 @@ from bayesid.model.vehicles import (
     rigid_body_mass,
     write_vehicle,
 )
-from bayesid.model.vehicles.convention import complete_from_fossen, munk_and_coriolis, rudder_to_port
+from bayesid.model.vehicles.convention import (
+    complete_from_fossen,
+    moving_with,
+    munk_and_coriolis,
+    rudder_to_port,
+)
 from bayesid.model.vehicles.inertia import planar_part
 from bayesid.model.vehicles.orders import has_rudder
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER, read_vehicle
@@ -213,6 +218,18 @@ def test_added_mass_coriolis_does_no_work():
             for name, value in extra.items()
         )
         assert power == pytest.approx(0.0, abs=1e-13)
+
+
+def test_rows_that_move_with_freed_added_masses_are_those_kirchhoffs_equations_give():
+    """N_v = Y_vdot - X_udot and X_vr = -Y_vdot move, N_r does not; equal added masses cancel for no row."""
+    assert set(moving_with(["X_udot", "Y_vdot"])) >= {"N_v", "X_vr", "Y_r"}
+    assert "N_r" not in moving_with(["X_udot", "Y_vdot", "N_rdot"])
+    assert moving_with([]) == ()
+    for name in ("Y_vdot", "Z_wdot"):
+        moved = munk_and_coriolis({"X_udot": -1.0, "Y_vdot": -2.0, "Z_wdot": -5.0})
+        more = munk_and_coriolis({"X_udot": -1.0, "Y_vdot": -2.0, "Z_wdot": -5.0, name: -3.0})
+        changed = {k for k in more if more[k] != moved.get(k)}
+        assert changed == set(moving_with([name]))
 
 
 def test_fossen_sets_are_completed_on_load():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -31,7 +31,9 @@ from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.model.terms import term
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.convention import moving_with
 from bayesid.places import NOWHERE, Places, places_of
 from bayesid.prediction.fitted_model import Calibration, diverging_draws, predictive_model
 from bayesid.progress import Progress
@@ -62,7 +64,7 @@ from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread, processors, several_threads
 from bayesid.trials.measured_wind import wind_words
-from bayesid.words import counted, did_you_mean
+from bayesid.words import and_list, counted, did_you_mean
 
 if TYPE_CHECKING:
     import pandas
@@ -151,10 +153,17 @@ def fit(
         shown.note(blown)
     if not ship.planar_only and chosen.dof == 6 and (words := compiling_words(build_model(ship, 6))):
         shown.note(words)
+    wanted = names_of(free)
+    if wanted and (beside := _moved_with(ship, 3 if ship.planar_only else chosen.dof, wanted, kept)):
+        wanted = [*wanted, *beside]
+        shown.note(
+            f"{and_list(list(beside))} of {ship.name} hold the added masses that are freed (Kirchhoff's "
+            "equations), so they are freed as well; --fix keeps them"
+        )
     shown.expect(1 if out is None or quick else 2)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
-            chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
+            chosen, pieces, ship, out, free=wanted, fixed=kept, options=options, resume=resume,
             effects=names_of(with_effects) or [], declared=declared_effects(effects),
             parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
@@ -179,6 +188,17 @@ def fit(
         return FitResult(found, places=places, no_model=str(error))
     write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
     return FitResult(found, replace(calibration, diverge=lost), places)
+
+
+def _moved_with(ship: Vehicle, dof: int, wanted: Sequence[str], kept: Sequence[str]) -> tuple[str, ...]:
+    """Rows that hold added masses among those wanted, of a vehicle whose rows were completed from its added
+    masses: left as they are, the other coefficients would make up for them."""
+    if not ship.completed:
+        return ()
+    inertia = [name for name in wanted if name in ship.coef and term(name).is_inertia]
+    aside = {*wanted, *kept}
+    there = build_model(ship, dof).coefficients
+    return tuple(name for name in moving_with(inertia) if name in there and name not in aside)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -132,8 +132,9 @@ def next_steps(
     out = [*freeing_words(found), *actuator_words(found)]
     if not found.fit.converged:
         out.append(
-            f"To end the search, free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, "
-            "yaw and rudder first, then more from there), or fit pieces of the runs (`--pieces SECONDS`)."
+            "To end the search, fit pieces of the runs (`--pieces SECONDS`, in which errors grow less), or "
+            f"free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, yaw and rudder "
+            "first, then more from there)."
         )
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(

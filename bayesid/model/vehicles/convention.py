@@ -7,7 +7,7 @@ Does not: touch mass properties, or decide which convention a file is in.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -76,6 +76,12 @@ def complete_from_fossen(coef: Mapping[str, float]) -> dict[str, float]:
     extra = munk_and_coriolis(coef)
     names = [row.name for row in TERMS if row.name in coef or row.name in extra]
     return {name: coef.get(name, 0.0) + extra.get(name, 0.0) for name in names}
+
+
+def moving_with(names: Iterable[str]) -> tuple[str, ...]:
+    """Velocity rows that hold added masses among `names` by Kirchhoff's equations."""
+    extra = munk_and_coriolis({name: 1.0 + k for k, name in enumerate(names)})
+    return tuple(row.name for row in TERMS if row.name in extra)
 
 
 def rudder_to_port(coef: Mapping[str, float]) -> dict[str, float]:
