@@ -116,6 +116,21 @@ def test_thrusters_are_written_and_read_back(tmp_path):
     assert {t.signal for t in vehicle.thrusters} == {"n_port", "n_stbd"}
 
 
+def test_a_lag_of_a_thruster_is_its_effect_and_is_stated_once(tmp_path):
+    text = (BUILTIN_FOLDER / "differential_boat.toml").read_text()
+    for name, lag in (("port", 0.3), ("stbd", 0.4)):
+        text = text.replace(f"[actuators.{name}]", f"[actuators.{name}]\nlag = {lag}")
+    (tmp_path / "boat.toml").write_text(text)
+    boat = load_vehicle(tmp_path / "boat.toml")
+    assert boat.effects == {"thruster_port_lag.tau": 0.3, "thruster_stbd_lag.tau": 0.4}
+    assert boat.thrusters == load_vehicle("differential_boat").thrusters
+    write_vehicle(boat, tmp_path / "again.toml")
+    assert load_vehicle(tmp_path / "again.toml").effects == boat.effects
+    (tmp_path / "twice.toml").write_text(text + "\n[effects.thruster_port_lag]\ntau = 0.3\n")
+    with pytest.raises(VehicleError, match=r"thruster_port_lag.tau is stated by `lag`"):
+        load_vehicle(tmp_path / "twice.toml")
+
+
 def test_steady_speed_balances_both_thrusters():
     u = self_propulsion_speed(load_vehicle(BOAT), 1000.0)
     m = 940.0

@@ -34,6 +34,10 @@ CURVE: dict[str, FileKey] = {
     "dead_band": FileKey("number", "rpm, below which there is no thrust", default=0.0, low=0.0, high=1e6),
     "limit": FileKey("number", "rpm, largest revolutions", default=UNLIMITED, low=0.0, high=UNLIMITED),
 }
+# a property of the shaft, which reading turns into the effect thruster_<name>_lag
+SHAFT: dict[str, FileKey] = {
+    "lag": FileKey("number", "s, first-order lag of the revolutions", default=0.0, low=0.0, high=1e3),
+}
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class Thruster(Actuator):
 
     kind = "thruster"
     meaning = "A thruster that keeps its direction."
-    keys: ClassVar[Mapping[str, FileKey]] = {**PLACE, **CURVE}
+    keys: ClassVar[Mapping[str, FileKey]] = {**PLACE, **CURVE, **SHAFT}
 
     @property
     def signal(self) -> str:

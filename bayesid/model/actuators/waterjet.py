@@ -34,7 +34,7 @@ from bayesid.model.actuators.declare import (
     servo_names,
     travel_keys,
 )
-from bayesid.model.actuators.thruster import CURVE
+from bayesid.model.actuators.thruster import CURVE, SHAFT
 from bayesid.model.file_keys import FileKey
 
 _CURVE: dict[str, FileKey] = {
@@ -71,7 +71,7 @@ class Waterjet(Actuator):
 
     kind = "waterjet"
     meaning = "A waterjet with a nozzle that steers and a bucket that reverses."
-    keys: ClassVar[Mapping[str, FileKey]] = {**PLACE, **_CURVE, **_STEER}
+    keys: ClassVar[Mapping[str, FileKey]] = {**PLACE, **_CURVE, **SHAFT, **_STEER}
 
     @property
     def signal(self) -> str:

@@ -141,7 +141,13 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
             head.problem(f"U_ref [m/s] is missing: {', '.join(odd)} in prime form need a reference speed")
     limits, rates = read_control(TomlTable(data.get("control", {}), "control", problems))
     effects, effects_sd = read_effects(TomlTable(data.get("effects", {}), "effects", problems))
-    actuators = read_actuators(TomlTable(data.get("actuators", {}), "actuators", problems))
+    actuators, lags = read_actuators(TomlTable(data.get("actuators", {}), "actuators", problems))
+    problems += [
+        f"[effects]: {name} is stated by `lag` of [actuators] too; keep one of them"
+        for name in lags
+        if name in effects
+    ]
+    effects = {**effects, **lags}
     values |= {
         "thrusters": tuple(a for a in actuators if not isinstance(a, Fin)),
         "fins": tuple(a for a in actuators if isinstance(a, Fin)),

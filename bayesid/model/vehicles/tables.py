@@ -242,9 +242,11 @@ def read_confidence(table: TomlTable) -> dict[str, list[str]]:
     return found
 
 
-def read_actuators(table: TomlTable) -> tuple[Actuator, ...]:
-    """Actuators of [actuators.NAME], in the order of the file; one without `kind` is a thruster."""
+def read_actuators(table: TomlTable) -> tuple[tuple[Actuator, ...], dict[str, float]]:
+    """Actuators of [actuators.NAME], in the order of the file, and the lags of their shafts as values of
+    effects; one without `kind` is a thruster."""
     out: list[Actuator] = []
+    lags: dict[str, float] = {}
     for name in table.data:
         if name not in NAMES:
             table.problem(f"{shown(name)} is no name of an actuator: {', '.join(NAMES)}{hint(name, NAMES)}")
@@ -253,17 +255,19 @@ def read_actuators(table: TomlTable) -> tuple[Actuator, ...]:
         word = inside.text("kind", choices=KINDS) if "kind" in inside.data else "thruster"
         kind = KINDS.get(word)
         if kind is not None and (found := _actuator(name, kind, inside)) is not None:
-            out.append(found)
+            out.append(found[0])
+            if found[1]:
+                lags[f"thruster_{name}_lag.tau"] = found[1]
     there = {a.name for a in out if f"n_{a.name}" in a.signals} | {"propeller"}
     for a in out:
         behind = getattr(a, "behind", None)
         if behind is not None and behind not in there:
             table.problem(f"{a.name} is behind {shown(behind)}, which is no thruster of this file")
-    return tuple(out)
+    return tuple(out), lags
 
 
-def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> Actuator | None:
-    """One actuator; None where its numbers cannot be read."""
+def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> tuple[Actuator, float] | None:
+    """One actuator and the lag of its shaft [s]; None where its numbers cannot be read."""
     inside.only(("kind", *kind.keys))
     before = len(inside.problems)
     values: dict[str, Any] = {}
@@ -284,10 +288,11 @@ def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> Actuator | 
         return None
     if abs(length - 1.0) > UNIT:  # a unit vector that was written is read as it was
         values["direction"] = tuple(one / length for one in values["direction"])
+    lag = values.pop("lag", 0.0)
     found = kind(name=name, **values)
     for text in found.problems:
         inside.problem(text)
-    return found
+    return found, lag
 
 
 def read_effects(table: TomlTable) -> tuple[dict[str, float], dict[str, float]]:
