@@ -230,6 +230,25 @@ def test_approach_speed_balances_thrust_and_drag(name, share):
     assert found[0] == pytest.approx(self_propulsion_speed(model.vehicle, rpm), rel=1e-5)
 
 
+def test_a_model_that_is_refused_says_whether_its_vehicle_file_or_the_equations_changed(tmp_path):
+    path = write_diagnosed(found_with(), tmp_path)
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps({**record, "digest": "other", "equations": "other"}))
+    with pytest.raises(
+        ModelError, match=r"other equations than this version .*vehicle file is not the reason"
+    ):
+        read_diagnosed(tmp_path)
+    path.write_text(json.dumps(record))
+    vehicle = tmp_path / record["vehicle"]
+    vehicle.write_text(vehicle.read_text().replace("mass = ", "mass = 1"))
+    with pytest.raises(ModelError, match=f"{record['vehicle']} beside it is not the one"):
+        read_diagnosed(tmp_path)
+    older = {key: value for key, value in record.items() if key != "equations"}
+    path.write_text(json.dumps(older))
+    with pytest.raises(ModelError, match="other equations or another vehicle file"):
+        read_diagnosed(tmp_path)
+
+
 @pytest.mark.thorough
 def test_a_diagnosed_model_comes_back_from_its_folder(tmp_path):
     d = diagnose(planted_trial(MODEL, other_vehicle(MODEL, 3), 3), MODEL, plan_next=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from bayesid.diagnosis.coefficient_estimate import read_estimate
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
-from bayesid.equations.model import build_model
+from bayesid.equations.model import Model, build_model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.files import UnreadableError, read_regular, write_atomic, write_json
@@ -60,6 +60,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         "vehicle": VEHICLE_FILE,
         "dof": found.model.dof,
         "digest": found.model.digest,
+        "equations": found.model.kernel.digest,
         "verdict": found.verdict,
         "trial": found.trial,
         "failed_checks": list(found.failed_checks),
@@ -119,11 +120,22 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
     model = build_model(load_vehicle(vehicle), dof, declared=declared)
     if model.digest != digest:
-        raise ModelError(
-            f"{path}: was made with other equations or another vehicle file; diagnose again, and give the "
-            "same --effects file if there was one"
-        )
+        raise ModelError(f"{path}: {_why_other(record.get('equations'), model)}")
     return DiagnosedModel(model, hypotheses, *rest)
+
+
+def _why_other(equations: Any, model: Model) -> str:
+    """What is not as it was when a model was made: the vehicle file beside it, or the equations, if that is
+    known."""
+    same = "give the same --effects file if there was one"
+    if equations is None:
+        return f"was made with other equations or another vehicle file; diagnose again, and {same}"
+    if equations == model.kernel.digest:
+        return f"{VEHICLE_FILE} beside it is not the one it was made with; put that back, or diagnose again"
+    return (
+        "was made with other equations than this version of bayesid has for this vehicle, or with effects of "
+        f"a file: {same}, else diagnose again (the vehicle file is not the reason)"
+    )
 
 
 def _why_missing(folder: Path) -> str:
