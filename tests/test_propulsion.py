@@ -81,3 +81,11 @@ def test_missing_and_impossible_numbers_are_all_named(model):
     bad = {key: -1.0 for key in VALUES[model] if MODELS[model].parameters[key].low == 1e-9}
     assert set(bad) <= set(propulsion_problems(model, VALUES[model] | bad))
     assert propulsion_problems(model, VALUES[model]) == {}
+
+
+def test_the_shape_of_a_torque_that_is_not_stated_is_told():
+    shaped = {**VALUES["kt"], "Kq_a": 1.1}
+    assert propulsion_problems("kt", shaped) == {
+        "Kq_a": "Kq_a shapes a torque that is not stated: give Kq0 too"
+    }
+    assert propulsion_problems("kt", {**shaped, "Kq0": 0.03}) == {}

@@ -180,6 +180,9 @@ def propulsion_problems(model: str, values: Mapping[str, float]) -> dict[str, st
             found[name] = (
                 f"{name} = {values[name]:g} must lie between {parameter.low:g} and {parameter.high:g}"
             )
+    alone = [name for name in ("Kq_a", "Kq_b") if name in values and "Kq0" not in values]
+    for name in alone:
+        found.setdefault(name, f"{name} shapes a torque that is not stated: give Kq0 too")
     return found
 
 
