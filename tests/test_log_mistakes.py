@@ -15,6 +15,7 @@ from bayesid.diagnosis.input import check_trial
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
+from bayesid.report.input import check_record, in_order_line
 from bayesid.trials import Run, Trial, load_trial, window
 from bayesid.trials.consistency import check_rudder
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
@@ -23,6 +24,7 @@ from bayesid.trials.kinematics.blocks import Blocks, middle
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
+from bayesid.trials.mistakes.judge import base_of, too_noisy
 from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.table import BODY_AXES, EXCHANGED
 from studies.log_mistakes.harmless import harmless
@@ -53,6 +55,34 @@ def weave(seed: int = 0, n: int = 900, dt: float = 0.1, aside: float = 0.0) -> R
         "u": u + noise(0.01), "v": v + noise(0.01), "r": r + noise(0.003),
     }  # fmt: skip
     return Run("weave", "", "identify", t, data, {"delta_r_cmd": rudder, "n_cmd": np.full(n, 1500.0)})
+
+
+def with_noise(run: Run, **sigma: float) -> Run:
+    rng = np.random.default_rng(9)
+    data = {k: v + sigma.get(k, 0.0) * rng.standard_normal(v.size) for k, v in run.data.items()}
+    return replace(run, data=data)
+
+
+@pytest.mark.thorough
+def test_a_relation_that_noise_hides_is_said_to_be_too_noisy_and_not_in_silence():
+    clean, noisy = [weave(1), weave(2)], [with_noise(weave(seed), r=4.0) for seed in (1, 2)]
+    check = check_input(clean)
+    assert "heading against yaw rate" in check.in_order and not check.noisy
+    wrong = check_input([apply(Correction(scale={"r": -1.0}), run) for run in clean])
+    assert wrong.findings and not wrong.noisy
+    check = check_input(noisy)
+    assert "heading against yaw rate" not in check.in_order
+    assert check.noisy == ("heading against yaw rate",)
+    line = in_order_line(check)
+    assert line.endswith("; too noisy to check, for so little motion: heading against yaw rate")
+    assert check_record(check)["too_noisy"] == ["heading against yaw rate"]
+
+
+def test_of_a_relation_that_noise_hides_in_most_runs_their_number_is_said():
+    runs = [weave(1), *(replace(with_noise(weave(2), r=4.0), name=name) for name in "ab")]
+    base = [base_of(run) for run in runs]
+    assert too_noisy(base, frozenset()) == ("heading against yaw rate in 2 of 3 runs",)
+    assert too_noisy(base, frozenset({"r"})) == ()
 
 
 @pytest.mark.thorough
