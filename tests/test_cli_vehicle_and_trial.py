@@ -152,6 +152,47 @@ def test_vehicle_check_judges_every_built_in_set(name, capsys):
     assert all(item["rows"] for item in answer["behaviour"]), "each manoeuvre can be executed and measured"
 
 
+@pytest.mark.parametrize(
+    ("name", "said", "unsaid"),
+    [
+        pytest.param(
+            "remus100", ("G_H", "unstable with fixed rudder", "G_V", "unstable with fixed planes"), (),
+            marks=pytest.mark.thorough,
+        ),
+        ("differential_boat", ("G_H", "unstable with equal thrusts"), ("fixed rudder",)),
+        ("six_thruster_rov", ("slowest eigenvalue, horizontal",), ("G_H", "fixed rudder", "G_V =", "planes")),
+    ],
+)  # fmt: skip
+def test_of_a_vehicle_that_thrusters_hold_no_stability_with_fixed_fins_is_said(name, said, unsaid, capsys):
+    run(["vehicle", "check", name])
+    shown = capsys.readouterr().out
+    assert all(words in shown for words in said)
+    assert not any(words in shown for words in unsaid)
+
+
+@pytest.mark.parametrize(
+    ("name", "orders", "there"),
+    [
+        ("six_thruster_rov", [f"n_{k}_cmd[rpm]" for k in range(1, 7)], False),
+        ("lauv", ["delta_r_cmd[rad]"], True),
+    ],
+)
+def test_a_vehicle_without_a_rudder_has_no_column_of_it(name, orders, there, tmp_path, capsys):
+    t = np.arange(0.0, 30.0, 0.5)
+    columns = {"t[s]": t, "x[m]": t, "y[m]": 0.0 * t, "psi[rad]": 0.0 * t, "u[m/s]": 1.0 + 0.0 * t}
+    columns |= {order: np.sign(np.sin(t)) for order in orders}
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    head = f'format = 1\nname = "n"\nvehicle = "{name}"\n[[runs]]\nfile = "r.csv"\nrole = "identify"\n'
+    (tmp_path / "trial.toml").write_text(head)
+    run(["trial", "check", str(tmp_path)])
+    out = capsys.readouterr()
+    assert out.err == "", out
+    header = next(line for line in out.out.splitlines() if line.startswith("run "))
+    assert ("rudder [deg]" in header) == there
+    assert header.split()[-1] == "manoeuvre"
+
+
 def test_vehicle_check_warns_of_a_positive_damping(tmp_path, capsys):
     path = Path(bayesid.model.vehicles.__file__).parent / "builtin" / "remus100.toml"
     (tmp_path / "odd.toml").write_text(path.read_text().replace('"N_r|r|" = -94.0', '"N_r|r|" = 94.0'))

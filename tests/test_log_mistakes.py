@@ -15,6 +15,7 @@ from bayesid.diagnosis.input import check_trial
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
+from bayesid.report.input import check_record, in_order_line
 from bayesid.trials import Run, Trial, load_trial, window
 from bayesid.trials.consistency import check_rudder
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
@@ -23,8 +24,9 @@ from bayesid.trials.kinematics.blocks import Blocks, middle
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
+from bayesid.trials.mistakes.judge import base_of, too_noisy
 from bayesid.trials.mistakes.plausible import implausible
-from bayesid.trials.mistakes.table import EXCHANGED
+from bayesid.trials.mistakes.table import BODY_AXES, EXCHANGED
 from studies.log_mistakes.harmless import harmless
 from studies.log_mistakes.plant import logged
 
@@ -32,15 +34,18 @@ SPEED, RATE = 1.5, 0.25
 COARSE = {"x": 0.42, "y": 0.42, "psi": 0.00735, "r": 0.000873, "u": 0.00708, "v": 0.00708}
 
 
-def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
-    """A track integrated from u, v, r by a midpoint rule of its own, with white noise on every channel."""
+def weave(seed: int = 0, n: int = 900, dt: float = 0.1, aside: float = 0.0) -> Run:
+    """A track integrated from u, v, r by a midpoint rule of its own, with white noise on every channel.
+
+    aside : speed to which the vehicle is driven to either side [m/s]
+    """
     rng = np.random.default_rng(seed)
     t = dt * np.arange(n)
     phase = 2 * math.pi * rng.random()
     rudder = -np.sign(np.sin(0.4 * t + phase)) * 0.2
     r = RATE * np.sin(0.4 * t + phase - 0.9) + 0.03 * np.sin(0.11 * t)
     u = SPEED - 0.1 * np.sin(0.13 * t) ** 2
-    v = -0.4 * r
+    v = -0.4 * r + aside * np.sin(0.17 * t)
     psi = 0.7 + np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * dt)))
     w = (u + 1j * v) * np.exp(1j * psi)
     place = np.concatenate(([0j], np.cumsum(0.5 * (w[1:] + w[:-1]) * dt)))
@@ -50,6 +55,34 @@ def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
         "u": u + noise(0.01), "v": v + noise(0.01), "r": r + noise(0.003),
     }  # fmt: skip
     return Run("weave", "", "identify", t, data, {"delta_r_cmd": rudder, "n_cmd": np.full(n, 1500.0)})
+
+
+def with_noise(run: Run, **sigma: float) -> Run:
+    rng = np.random.default_rng(9)
+    data = {k: v + sigma.get(k, 0.0) * rng.standard_normal(v.size) for k, v in run.data.items()}
+    return replace(run, data=data)
+
+
+@pytest.mark.thorough
+def test_a_relation_that_noise_hides_is_said_to_be_too_noisy_and_not_in_silence():
+    clean, noisy = [weave(1), weave(2)], [with_noise(weave(seed), r=4.0) for seed in (1, 2)]
+    check = check_input(clean)
+    assert "heading against yaw rate" in check.in_order and not check.noisy
+    wrong = check_input([apply(Correction(scale={"r": -1.0}), run) for run in clean])
+    assert wrong.findings and not wrong.noisy
+    check = check_input(noisy)
+    assert "heading against yaw rate" not in check.in_order
+    assert check.noisy == ("heading against yaw rate",)
+    line = in_order_line(check)
+    assert line.endswith("; too noisy to check, for so little motion: heading against yaw rate")
+    assert check_record(check)["too_noisy"] == ["heading against yaw rate"]
+
+
+def test_of_a_relation_that_noise_hides_in_most_runs_their_number_is_said():
+    runs = [weave(1), *(replace(with_noise(weave(2), r=4.0), name=name) for name in "ab")]
+    base = [base_of(run) for run in runs]
+    assert too_noisy(base, frozenset()) == ("heading against yaw rate in 2 of 3 runs",)
+    assert too_noisy(base, frozenset({"r"})) == ()
 
 
 @pytest.mark.thorough
@@ -130,6 +163,57 @@ def dives():
     }  # fmt: skip
     orders = ("zigzag:10/10", "vzigzag:10/8", "turn:12,duration=60")
     return simulate("remus100", *orders, dof=6, dt=0.2, noise=noise, seed=3).runs
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("name", "turned"),
+    [("body axes forward-left-up", ("v", "r")), ("sign of v", ("v",)), ("sign of r", ("r",))],
+)
+def test_body_axes_of_another_convention_are_told_in_the_plane_where_the_sway_tells(name, turned):
+    clean = [weave(seed, aside=0.4) for seed in (1, 2)]
+    (found,) = check_input([apply(Correction(scale=dict.fromkeys(turned, -1.0)), r) for r in clean]).findings
+    assert (found.name, found.also) == (name, ())
+    assert check_input(clean).findings == ()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("kinematics_alone", [True, False])
+def test_body_axes_of_another_convention_are_one_mistake_with_one_mend(dives, kinematics_alone):
+    """They were told as a depth and a heading of the other sign."""
+    turned = Correction(scale=dict.fromkeys(("v", "w", "q", "r", "theta"), -1.0))
+    model = build_model(load_vehicle("remus100"), 6)
+
+    def findings(runs):
+        if kinematics_alone:
+            return check_input(runs).findings
+        return check_trial(Trial("dives", Path("."), "remus100", 6, tuple(runs)), model).findings
+
+    (found,) = findings([apply(turned, run) for run in dives])
+    assert found.name == "body axes forward-left-up" and found.probability > 0.99 and not found.also
+    for wrong, mended in zip(
+        dives, (apply(found.correction, apply(turned, run)) for run in dives), strict=True
+    ):
+        assert all(np.array_equal(mended.data[k], wrong.data[k], equal_nan=True) for k in wrong.data)
+    assert findings(dives) == ()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["v", "w", "q", "r", "theta", "z", "psi"])
+def test_one_sign_of_a_submerged_vehicle_is_not_told_as_all_body_axes(dives, name):
+    found = check_input([apply(Correction(scale={name: -1.0}), run) for run in dives]).findings
+    assert "body axes forward-left-up" not in [f.name for f in found]
+    assert name in ("v", "w", "z") or f"sign of {name}" in (
+        found[0].name,
+        *found[0].also,
+    )  # faint in these runs
+
+
+def test_the_mend_of_body_axes_turns_what_an_import_turns():
+    from bayesid.trials.importing.axes import body_of
+
+    names = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "u_water", "v_water", "w_water", "x", "z")
+    assert {name for name in names if body_of(name, np.ones(1), "flu")[0] < 0.0} == set(BODY_AXES)
 
 
 @pytest.mark.thorough

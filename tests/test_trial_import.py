@@ -147,7 +147,8 @@ def test_a_header_tells_its_positive_side(header, side):
         ("Fahrt [kn]", "u"), ("Øst [m]", "east"), ("Svingrate [grader/s]", "r"), ("Turtall [o/min]", "n"),
         ("TWD (deg)", "wind_from"), ("Windrichtung [Grad]", "wind_from"), ("wind_vel [m/s]", "wind_speed"),
         ("dvl_fwd_mps", "u"), ("dvl_stbd_mps", "v"), ("dvl_down_mps", "w"), ("BT vel forward (m/s)", "u"),
-        ("dvl_temp", None), ("dvl_port_mps", None),
+        ("dvl_temp", None), ("dvl_port_mps", "v"), ("dvl_up_kn", "w"), ("sway_port [m/s]", "v"),
+        ("ahrs_yaw_enu_deg", "psi"), ("yaw_ned", "psi"), ("vel_ned_y", None), ("port_rpm", None),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip

@@ -12,8 +12,10 @@ from bayesid.cli.terminal import BAD_INPUT, OK, WRONG_LOG
 from bayesid.words import and_list, counted
 
 if TYPE_CHECKING:
+    from bayesid.model.vehicles import Vehicle as Ship
     from bayesid.trials import Trial
 
+RUDDER = "rudder [deg]"
 RUN_COLUMNS = (
     "run",
     "role",
@@ -23,7 +25,7 @@ RUN_COLUMNS = (
     "gaps",
     "missing [%]",
     "speed [m/s]",
-    "rudder [deg]",
+    RUDDER,
     "manoeuvre",
 )
 
@@ -68,7 +70,7 @@ def check(
     if as_json:
         print_json(summary)
     else:
-        _print(summary, found.mistakes, found.lacking, verbose, in_plane, ship is not None)
+        _print(summary, found.mistakes, found.lacking, verbose, in_plane, ship)
     if problem is not None:
         return BAD_INPUT
     return WRONG_LOG if found.mistakes else OK
@@ -102,9 +104,10 @@ def _print(
     lacking: Sequence[str],
     verbose: bool,
     in_plane: bool = False,
-    ship_known: bool = False,
+    ship: Ship | None = None,
 ) -> None:
     from bayesid.cli.output import print_table, print_text
+    from bayesid.model.vehicles.orders import has_fins
     from bayesid.report.input import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
@@ -124,9 +127,12 @@ def _print(
     if lacking:
         print_text("Not enough to say anything:")
         _print_list(lacking)
-    print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
+    ruddered = ship is None or has_fins(ship) or any(run["rudder_deg"] for run in summary["runs"])
+    columns = [name for name in RUN_COLUMNS if ruddered or name != RUDDER]
+    rows = [dict(zip(RUN_COLUMNS, _run_row(run), strict=True)) for run in summary["runs"]]
+    print_table(columns, [[row[name] for name in columns] for row in rows], digits=3)
     print_text(_roles(summary))
-    for line in _rudder_lines(summary["runs"], ship_known):
+    for line in _rudder_lines(summary["runs"], ship is not None):
         print_text(line)
     print_text()
     print_table(

@@ -68,7 +68,7 @@ def check(
         return code
     print_text(f"{found.name}\n")
     if straight is not None:
-        print_table(["straight run", "value", "meaning"], _stability_rows(straight))
+        print_table(["straight run", "value", "meaning"], _stability_rows(straight, found))
     print_measures([{**item, "kind": item["manoeuvre"]} for item in behaviour], found.L)
     print_text()
     notes = [finding for finding in findings if finding.level != "warning"]
@@ -153,17 +153,21 @@ def _or_none(function: Callable[[Vehicle], T], vehicle: Vehicle) -> T | None:
         return None
 
 
-def _stability_rows(result: Stability) -> list[list[Any]]:
-    def word(index: float | None) -> str:
+def _stability_rows(result: Stability, vehicle: Vehicle) -> list[list[Any]]:
+    """Without the index of a plane in which thrusters hold the vehicle."""
+    from bayesid.model.vehicles.orders import has_fins, left_to_itself
+
+    def word(index: float | None, fins: str, there: bool) -> str:
         if index is None:
             return "the set lacks this plane"
-        return "stable with fixed rudder" if index > 0 else "unstable with fixed rudder"
+        how = f"with fixed {fins}" if there else "with equal thrusts"
+        return f"{'stable' if index > 0 else 'unstable'} {how}"
 
-    rows: list[list[Any]] = [
-        ["speed [m/s]", result.U, "at which the set is judged"],
-        ["G_H", result.G_H, word(result.G_H)],
-        ["G_V", result.G_V, word(result.G_V).replace("rudder", "planes")],
-    ]
+    rows: list[list[Any]] = [["speed [m/s]", result.U, "at which the set is judged"]]
+    for name, index, fins in (("G_H", result.G_H, "rudder"), ("G_V", result.G_V, "planes")):
+        upright = fins == "planes"
+        if index is None or left_to_itself(vehicle, upright):
+            rows.append([name, index, word(index, fins, has_fins(vehicle, upright))])
     for plane, values in (("horizontal", result.horizontal), ("vertical", result.vertical)):
         if values:
             text = ", ".join(f"{v.real:.3g}" + (f"{v.imag:+.3g}i" if v.imag else "") for v in values)

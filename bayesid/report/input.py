@@ -75,11 +75,13 @@ def joint_mend(check: InputCheck) -> str:
 
 def in_order_line(check: InputCheck) -> str:
     """What was checked about the input and found in order, one line; empty where nothing was."""
-    if not check.in_order and not check.unseen:
+    if not (check.in_order or check.unseen or check.noisy):
         return ""
     good = f"input checked: {', '.join(check.in_order)} in order" if check.in_order else "input checked"
     if check.unseen:
         good += f"; not to be checked: {', '.join(check.unseen)}"
+    if check.noisy:
+        good += f"; too noisy to check, for so little motion: {', '.join(check.noisy)}"
     return good
 
 
@@ -110,6 +112,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
         ],
         "in_order": list(check.in_order),
         "not_checked": list(check.unseen),
+        "too_noisy": list(check.noisy),
         "remarks": list(check.remarks),
         "left_open": list(check.left_open),
     }  # fmt: skip

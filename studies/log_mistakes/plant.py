@@ -171,7 +171,7 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         "sign of delta_r", "sign of psi", "sign of r", "sign of v", "sign of u", "sign of x", "sign of y",
         "sign of z", "sign of w", "sign of theta", "sign of q", "sign of delta_s",
         "x and y exchanged", "heading from east", "east-north-up", "east-north-up, rates too",
-        "east-north-up, forward-left-up", "heading and yaw rate to port",
+        "east-north-up, forward-left-up", "heading and yaw rate to port", "body axes forward-left-up",
         "psi: radians read as degrees", "psi: degrees read as radians",
         "r: degrees per second read as radians per second",
         "r: radians per second read as degrees per second",

@@ -15,6 +15,7 @@ from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.inertia import mass_problems
+from bayesid.model.vehicles.orders import left_to_itself
 from bayesid.model.vehicles.stability import Stability, self_propulsion_speed, stability
 from bayesid.model.vehicles.units_check import added_mass_out_of_proportion, speed_far_from_stated
 from bayesid.model.vehicles.vehicle import GRAVITY, Vehicle, coef_si
@@ -74,7 +75,7 @@ def check_vehicle(vehicle: Vehicle) -> list[Finding]:
     for part in (_size, _added_mass, _inertia, _signs, _fins, _propulsion, _weight):
         found += part(vehicle)
     with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
-        found += _stability(stability(vehicle))
+        found += _stability(stability(vehicle), vehicle)
     return found + _potential_flow(vehicle) + _prior(vehicle)
 
 
@@ -198,16 +199,17 @@ def _weight(vehicle: Vehicle) -> list[Finding]:
     return found
 
 
-def _stability(result: Stability) -> list[Finding]:
+def _stability(result: Stability, vehicle: Vehicle) -> list[Finding]:
+    """None of a plane in which thrusters hold the vehicle, as an ROV."""
     found = []
     for name, index, plane in (("G_H", result.G_H, "horizontal"), ("G_V", result.G_V, "vertical")):
-        if index is not None and index <= 0.0:
+        if index is not None and index <= 0.0 and left_to_itself(vehicle, plane == "vertical"):
             text = (
                 f"{name} = {index:.3f}: unstable in the {plane} plane without control, at {result.U:.3g} m/s"
             )
             found.append(Finding("note", text))
     growing = [value.real for value in result.vertical if value.real > 1e-9]
-    if growing:
+    if growing and left_to_itself(vehicle, upright=True):
         time = 1.0 / max(growing)
         text = f"with planes fixed depth motion grows e-fold in {time:.3g} L/U at {result.U:.3g} m/s"
         found.append(Finding("note", text))

@@ -124,6 +124,28 @@ def steers(vehicle: Vehicle) -> bool:
     return has_rudder(vehicle) or bool(rudders_together(vehicle))
 
 
+def has_fins(vehicle: Vehicle, upright: bool = False) -> bool:
+    """Whether a vehicle has any rudder, with `delta_r` or an order of its own.
+
+    Parameters
+    ----------
+    upright : asked of planes in the place of rudders, at the stern or the bow
+    """
+    if upright:
+        rows = has_rows(vehicle, "ds") or has_rows(vehicle, "db")
+        return rows or any(abs(fin.direction[2]) > 0.0 for fin in vehicle.fins)
+    return has_rudder(vehicle) or any(abs(fin.direction[1]) > 0.0 for fin in vehicle.fins)
+
+
+def left_to_itself(vehicle: Vehicle, upright: bool = False) -> bool:
+    """Whether stability of a straight run matters: a vehicle with fins, or with thrusters that push ahead
+    alone. One without fins that is pushed sideways (up or down where `upright`), as an ROV, is held by that.
+    """
+    axis = 2 if upright else 1
+    across = any(abs(thruster.direction[axis]) > NEAR_CENTRE for thruster in vehicle.thrusters)
+    return has_fins(vehicle, upright) or not across
+
+
 def rudder_limits(vehicle: Vehicle) -> tuple[float, float]:
     """Largest angle [rad] and rate [rad/s] of the rudder, named ones too; inf where the file states none."""
     together = rudders_together(vehicle)

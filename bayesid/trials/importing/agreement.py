@@ -7,6 +7,8 @@ Does not: choose; that is `deciding`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bayesid.errors import BayesidError
@@ -112,6 +114,26 @@ def speed_fit(found: LogMap, recording: Recording) -> tuple[float, float, float]
         run = Run("look", "", "identify", run.t, data)
     check = check_track(run)
     return None if check is None else (check.scale, check.misfit, check.rotation)
+
+
+def speed_fit_of_all(found: LogMap, recordings: Sequence[Recording]) -> tuple[float, float, float] | None:
+    """`speed_fit` of several recordings, each with the weight of the square of its extent: one that turns on
+    the spot tells more of the noise of its position than of the speeds. The misfit holds the rotation too."""
+    found_of_each = []
+    for recording in recordings:
+        fit, run = speed_fit(found, recording), common_run(found, recording, bridged=False)
+        if fit is not None and run is not None and fit[0] > 0.0:
+            extent = sum(float(np.nanmax(run.data[k]) - np.nanmin(run.data[k])) ** 2 for k in ("x", "y"))
+            found_of_each.append((extent, *fit))
+    if not found_of_each:
+        return None
+    weight, size, misfit, turn = np.array(found_of_each).T
+    if not weight.sum() > 0.0:
+        return None
+    weight = weight / weight.sum()
+    share = float(weight @ np.minimum(misfit + 2.0 * (1.0 - np.cos(turn)), 1.0))
+    rotation = float(np.angle(weight @ np.exp(1j * turn)))
+    return float(np.exp(weight @ np.log(size))), share, rotation
 
 
 def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:

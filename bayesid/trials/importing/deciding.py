@@ -14,17 +14,31 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.model.units import scale
-from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
+from bayesid.trials.importing.agreement import (
+    drift,
+    rudder_t,
+    speed_fit,
+    speed_fit_of_all,
+    track_misfit,
+    yaw_fit,
+)
 from bayesid.trials.importing.angle_units import decide_angle_units
 from bayesid.trials.importing.clock_agreement import check_clocks, check_rudder_clock
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.named_sides import name_body, turn_named
 from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
 from bayesid.trials.importing.planes import calm_as_degrees
 from bayesid.trials.importing.resting import rests
 from bayesid.trials.importing.roles import WORLD_WORDS
-from bayesid.trials.importing.speed_axes import ask_speed_axes, blames_the_heading
+from bayesid.trials.importing.speed_axes import (
+    MOST,
+    ask_speed_axes,
+    axes_by_speeds,
+    blames_the_heading,
+    why_not_the_track,
+)
 from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.words import and_list
@@ -44,7 +58,9 @@ def decide(draft: Draft) -> None:
     """All decisions, in an order in which each rests on those before."""
     decide_angle_units(draft)
     _axes(draft)
+    name_body(draft)
     _rates(draft)
+    turn_named(draft)
     _speeds(draft)
     _current(draft)
     _depth(draft)
@@ -125,12 +141,19 @@ def _axes(draft: Draft) -> None:
     misfit, rotation = fits[best]
     draft.map = dict(options)[best]
     mirrored = absolute is False and attitude != "heading" and not draft.axes_stated
-    if misfit > AGREES:
+    by_speeds = axes_by_speeds(draft, options) if misfit > AGREES or abs(rotation) > STRAIGHT else None
+    if by_speeds is not None:
+        straight = {k: share for k, (share, _) in by_speeds.items()}
+        best = min(straight, key=lambda k: straight[k])
+        misfit, rotation = by_speeds[best]
+        draft.map = dict(options)[best]
+    elif misfit > AGREES:
         draft.ask(
             0,
             f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
             f"({100 * misfit:.0f} % of the track unexplained); "
-            f"{axes_that_fit(draft) or 'are these position and heading of one vehicle, on one clock?'}",
+            f"{axes_that_fit(draft) or 'are these position and heading of one vehicle, on one clock?'}"
+            + ("" if draft.has("v") else "; or the vehicle goes sideways: `u` and `v` tell it"),
         )
         return
     rivals = [
@@ -151,16 +174,19 @@ def _axes(draft: Draft) -> None:
     elif rivals:
         draft.ask(0, f"track and heading fit {best} hardly better than {rivals[0]}; check `world`")
     least = 15.0 * _DEG  # sideslip in turns to one side alone turns the direction by as much
-    if draft.has("u", "v"):
+    if by_speeds is not None:
+        least = 4.0 * _DEG
+    elif draft.has("u", "v"):
         with_speed = speed_fit(draft.map, draft.liveliest)
         agrees = with_speed is not None and with_speed[1] < AGREES
         if with_speed is not None and agrees and not blames_the_heading(draft, with_speed[2]):
             rotation, least = with_speed[2], 4.0 * _DEG
     else:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
-    guess = axes_that_fit(draft) if draft.handed else ""
+    guess = axes_that_fit(draft) if draft.handed and by_speeds is None else ""
     if abs(rotation) > 0.6:
         mend = guess or "give the heading an `offset`, or another `world`"
+        mend += "" if draft.has("v") else "; or the vehicle goes sideways: `u` and `v` tell it"
         draft.ask(
             0,
             f"the track runs {rotation / _DEG:+.0f} deg off the heading "
@@ -199,9 +225,10 @@ def _rates(draft: Draft) -> None:
         ["rad/s", "deg/s", "deg/min"] if not draft.stated["r"] else [draft.map.channels["r"].unit or "rad/s"]
     )
     base = draft.change("r", unit=units[0])
+    base = base if draft.body_stated else replace(base, body="frd")
     fit = yaw_fit(base, draft.liveliest)
     if fit is None or fit[1] < 0.7:
-        if fit is not None and (draft.has("psi") or draft.has("heading") or draft.has("qw")):
+        if fit is not None and draft.headed:
             draft.ask(
                 3,
                 f"yaw rate {draft.column('r')} follows the heading poorly ({100 * max(fit[1], 0):.0f} % of "
@@ -216,10 +243,9 @@ def _rates(draft: Draft) -> None:
                 f"yaw rate {draft.column('r')} states no unit and nothing tells it; read as "
                 f"{'deg/s' if top > 3.0 else 'rad/s'}",
             )
-        if not draft.body_stated:
-            headed = draft.has("psi") or draft.has("heading") or draft.has("qw")
-            why = "is read without a heading" if not headed else "does not follow the heading"
-            why = "cannot be held against the heading" if headed and fit is None else why
+        if not (draft.body_stated or draft.body_named):
+            why = "is read without a heading" if not draft.headed else "does not follow the heading"
+            why = "cannot be held against the heading" if draft.headed and fit is None else why
             draft.ask(
                 2,
                 f"body: yaw rate {draft.column('r')} {why}, so that nothing tells whether it counts to "
@@ -262,16 +288,16 @@ def _speeds(draft: Draft) -> None:
         turned = draft.change("v", scale=-draft.map.channels["v"].scale)
         against = speed_fit(turned, draft.liveliest)
         if for_v and against and against[1] < CLEAR * for_v[1]:
-            if draft.has("r") or draft.body_stated:
+            if draft.has("r") or draft.body_stated or draft.body_named:
                 draft.map = turned
                 draft.ask(
                     2,
                     f"sway {draft.column('v')} counts against the body axes of the other series; its sign "
-                    f"is turned (scale = -1), check it",
+                    f"is turned (scale = {turned.channels['v'].scale:g}), check it",
                 )
             else:
                 draft.map = replace(draft.map, body="flu")
-        elif not (draft.has("r") or draft.body_stated) and not (
+        elif not (draft.has("r") or draft.body_stated or draft.body_named) and not (
             for_v and for_v[1] < CLEAR * (against or for_v)[1]
         ):
             draft.ask(
@@ -281,12 +307,11 @@ def _speeds(draft: Draft) -> None:
             )
     fit = speed_fit(draft.map, draft.liveliest)
     if fit is None or fit[1] > AGREES:
+        every = speed_fit_of_all(draft.map, draft.recordings[:MOST])
+        fit = every if every is not None and every[1] < AGREES else fit
+    if fit is None or fit[1] > AGREES:
         if draft.has("x", "y") or draft.has("latitude") or draft.has("north"):
-            draft.ask(
-                2,
-                f"speed {draft.column('u')} does not integrate to the track; right column, axes, clock? "
-                f"else delete `u`, `v`",
-            )
+            draft.ask(2, why_not_the_track(draft))
         elif not draft.stated["u"]:
             draft.ask(2, f"speed {draft.column('u')} states no unit and no position tells it; read as m/s")
         return

@@ -22,6 +22,8 @@ class Draft:
     by_part : series read by a part of their name -> their last word, where it stands for a unit not known
     resting : roles left out because they never change -> their value, in the log's unit
     wrong_speeds : u and v contradict a track and a heading that agree, so that they tell nothing more
+    body_named : body axes that the names of velocities tell, as `dvl_port` does; None where they tell none
+    unused : series that no channel is read from
     late : shifts of the rudder's clock at which the turns follow it, best first, where they do not as it is
     """
 
@@ -37,6 +39,8 @@ class Draft:
     by_part: dict[str, str | None] = field(default_factory=dict)
     resting: dict[str, float] = field(default_factory=dict)
     wrong_speeds: bool = False
+    body_named: str | None = None
+    unused: list[str] = field(default_factory=list)
     late: list[Shift] = field(default_factory=list)
 
     @property
@@ -67,6 +71,11 @@ class Draft:
 
     def column(self, role: str) -> str:
         return repr(resolve(self.map, role)[1])
+
+    @property
+    def headed(self) -> bool:
+        """Whether a heading, a yaw or a quaternion is read."""
+        return self.has("psi") or self.has("heading") or self.has("qw")
 
     def raw(self, role: str, recording: Recording | None = None) -> np.ndarray:
         label, name = resolve(self.map, role)

@@ -41,8 +41,8 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         lines += ["", "# Taken for granted:", *(f"#  - {r}" for r in remarks)]
     lines += [
         "",
-        "# Axes of x, y, z, psi and of u, v, w, p, q, r in the log; heading, north, latitude, ... mean the "
-        "same in all.",
+        "# Axes of x, y, z, psi and of u, v, w, p, q, r, theta in the log; heading, north, latitude, ... "
+        "mean the same in all.",
     ]
     world, body = found.world or "ned", found.body or "frd"
     lines.append(f'world = "{world}"  # {WORLD_WORDS[world]}; ned, enu or nwu')

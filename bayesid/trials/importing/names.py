@@ -33,6 +33,10 @@ OTHER = re.compile(
 )
 # the wind as a moving vehicle has it
 APPARENT = re.compile(r"\b(app|apparent|rel|relative|aws|awa|awd)\b")
+# axes that a name may state; of a velocity they tell another role, as in vel_ned_y
+AXES = re.compile(r"\b(ned|enu|nwu)\b")
+_IN_AXES = frozenset({"x", "y", "z", "phi", "theta", "psi", "qw", "qx", "qy", "qz"})
+_OF_AXES = 0.1  # taken off the score of a name without its axes
 # role -> words of the field, tried against the name without unit; the first group of roles is the surest
 PATTERNS: tuple[tuple[str, str], ...] = (
     ("latitude", r"lat|latitude|gps lat|breite|lat deg"),
@@ -82,12 +86,13 @@ PATTERNS: tuple[tuple[str, str], ...] = (
           r"long(itudinal)? speed|speed (fwd|forward|ahead|surge|long(itudinal)?)"),
     ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|"
           r"linear y|velocity y|"
-          r"(dvl|bt|bottom track) (vel(ocity)? )?(stbd|starboard|sway|lateral|transverse|athwart|v)|"
+          r"(dvl|bt|bottom track) (vel(ocity)? )?(stbd|starboard|port|sway|lateral|transverse|athwart|v)|"
+          r"sway (to )?(stbd|starboard|port)|"
           r"lateral (speed|velocity)|v ground|v y|transverse speed|"
           r"speed (stbd|starboard|sway|lateral|transverse|athwart)"),
     ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z|"
           r"heave speed|vertical (speed|velocity)|speed (down|heave|vertical)|bt z|"
-          r"(dvl|bt|bottom track) (vel(ocity)? )?(down|heave|vertical|w)"),
+          r"(dvl|bt|bottom track) (vel(ocity)? )?(down|up|heave|vertical|w)|heave (down|up)"),
     ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
                 r"steer|steering|tiller|"
                 r"steering angle|(vertical|yaw) (fins?|planes?|rudders?)( angle)?|fins? (vertical|yaw)|"
@@ -158,8 +163,10 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
     tails = _tails(kept) + _field_of_struct(channel)
     if channel.unit in ("rpm", "rps"):  # engine_rpm is split into a name and a unit
         tails.append((f"{kept} {channel.unit}", 2.0))
+    without = " ".join(AXES.sub(" ", kept).split())
+    in_axes = [] if without == kept else [(tail, score - _OF_AXES) for tail, score in _tails(without)]
     for role, pattern in _COMPILED:
-        for tail, score in tails:
+        for tail, score in tails + (in_axes if role in _IN_AXES else []):
             if pattern.fullmatch(tail) and _fits(role, channel):
                 if (len(tail) == 1 or tail in ("speed", "velocity")) and score < FIELD:
                     continue

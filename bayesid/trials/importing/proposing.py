@@ -98,7 +98,7 @@ def propose(
     draft = Draft(found, recordings)
     for weight, text in doubts:
         draft.ask(weight, text)
-    unused = _name(draft, recordings, steering)
+    unused = draft.unused = _name(draft, recordings, steering)
     leave_codes_out(draft)
     drop_constant(draft)
     _needs(draft, recordings, unused, steering.inputs)

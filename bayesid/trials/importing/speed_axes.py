@@ -6,15 +6,15 @@ Takes a draft whose axes are chosen. Asks; does not change the map.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from bayesid.trials.importing.agreement import speed_fit, track_misfit
+from bayesid.trials.importing.agreement import speed_fit, speed_fit_of_all, track_misfit
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
-from bayesid.words import and_list
+from bayesid.words import and_list, first_few
 
 MOST = 8  # recordings looked at
 STRAIGHT = 0.6  # rad between track and heading up to which they point the same way
@@ -60,6 +60,39 @@ def ask_speed_axes(draft: Draft) -> bool:
     )
     draft.ask(0, f"track and heading agree by themselves, and the speeds {columns} {how}; {rest}")
     return True
+
+
+def axes_by_speeds(
+    draft: Draft, options: Sequence[tuple[str, LogMap]]
+) -> dict[str, tuple[float, float]] | None:
+    """Axes -> (share of the track that u, v and the heading leave unexplained, its rotation [rad]), for a
+    vehicle that does not go where it heads, as one that is driven sideways; None where they tell no axes."""
+    if not draft.has("u", "v"):
+        return None
+    found: dict[str, tuple[float, float]] = {}
+    for key, tried in options:
+        for body in ("frd", "flu"):  # the sign of v is not decided yet
+            fit = speed_fit_of_all(replace(tried, body=body), draft.recordings[:MOST])
+            if fit is not None and fit[1] < found.get(key, (1.0, 0.0))[0]:
+                found[key] = fit[1:]
+    return found if found and min(share for share, _ in found.values()) < AGREES else None
+
+
+def why_not_the_track(draft: Draft) -> str:
+    """The question about a speed ahead that does not integrate to the track: first what it lacks for that."""
+    speed = f"speed {draft.column('u')}"
+    spare = f" (series not used: {first_few(map(repr, draft.unused), 8)})" if draft.unused else ""
+    if not draft.headed:
+        return (
+            f"{speed} cannot be held against the track, as no heading is read: add heading, psi or qw, qx, "
+            f"qy, qz to [channels]{spare}; if none is logged, delete this line"
+        )
+    if not draft.has("v"):
+        return (
+            f"{speed} alone does not integrate to the track, and no speed to the side is read: add `v` to "
+            f"[channels]{spare}; if none is logged: right column, axes, clock? else delete `u`"
+        )
+    return f"{speed} does not integrate to the track; right column, axes, clock? else delete `u`, `v`"
 
 
 def _unexplained(draft: Draft, tried: LogMap) -> tuple[float, float]:

@@ -68,6 +68,7 @@ class InputCheck:
     in_order : checks that were made and passed, in words
     unseen : what could not be checked and why, in words
     remarks : what is stated of the log and its readings contradict, a sentence each; not a verdict
+    noisy : relations that leave too much unexplained to tell anything, in words
     left_open : mistakes that would explain the log as well as that it is right, a sentence each
     """
 
@@ -76,6 +77,7 @@ class InputCheck:
     unseen: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     left_open: tuple[str, ...] = ()
+    noisy: tuple[str, ...] = ()
 
     @property
     def of_log(self) -> InputCheck:

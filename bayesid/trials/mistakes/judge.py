@@ -140,7 +140,9 @@ def check_input(
             break
         kept = [apply(one.correction, run) for run in kept]
         base = [base_of(run, travel, behaviour) for run in kept]
-    return InputCheck(tuple(found), _in_order(first), _unseen(first))
+    mended = not found or found[-1].correction is not None
+    spoilt = frozenset() if mended else frozenset(found[-1].channels)
+    return InputCheck(tuple(found), _in_order(first), _unseen(first), noisy=too_noisy(base, spoilt))
 
 
 def distinct(mistakes: Iterable[Mistake], logged: Container[str]) -> list[Mistake]:
@@ -368,10 +370,14 @@ _MEANS = {
 }  # fmt: skip
 
 
+def _levels(base: Sequence[Base], key: str) -> list[float]:
+    return [one.held[key].level for one in base if key in one.held]
+
+
 def _in_order(base: Sequence[Base]) -> tuple[str, ...]:
     good = []
     for key, words in _MEANS.items():
-        levels = [one.held[key].level for one in base if key in one.held]
+        levels = _levels(base, key)
         if levels and float(np.median(levels)) < FOLLOWS:
             good.append(words)
     if sum(one.signs.get("rudder", 0.0) - one.signs.get("rudder against", 0.0) for one in base) > SOME_RUNS:
@@ -389,3 +395,22 @@ def _unseen(base: Sequence[Base]) -> tuple[str, ...]:
     if "yaw" not in there:
         lacks.append("heading against yaw rate")
     return tuple(lacks)
+
+
+def too_noisy(base: Sequence[Base], spoilt: frozenset[str]) -> tuple[str, ...]:
+    """Relations that are not in order and that no mistake explains: their residual is not small in most runs.
+
+    Parameters
+    ----------
+    base : runs after the mends of the mistakes found
+    spoilt : channels of a mistake that has no mend
+    """
+    out = []
+    for key, words in _MEANS.items():
+        levels = _levels(base, key)
+        if not levels or float(np.median(levels)) < FOLLOWS or spoilt & set(NEEDS[key]):
+            continue
+        count = sum(level >= FOLLOWS for level in levels)
+        where = "" if count == len(levels) else f" in {count} of {len(levels)} runs"
+        out.append(f"{words}{where}")
+    return tuple(out)

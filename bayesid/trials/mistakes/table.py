@@ -19,6 +19,8 @@ EXCHANGED = (
     ("u", "v"), ("v", "w"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("theta", "psi"),
     ("delta_r", "delta_s"),
 )  # fmt: skip
+# what forward-left-up has of the other sign than forward-right-down
+BODY_AXES = ("v", "w", "q", "r", "theta", "v_water", "w_water")
 _DEGREE = math.pi / 180.0
 _KNOT, _FOOT, _RPM = 1852.0 / 3600.0, 0.3048, 2.0 * math.pi / 60.0
 
@@ -157,6 +159,11 @@ def _frames() -> list[Mistake]:
             "x points east, y north, z up; heading, yaw rate and sway count to port",
             Correction(exchange=swap, heading_from="east", scale={"r": -1.0, **port}),
             USUAL,
+        ),
+        Mistake(
+            "body axes forward-left-up",
+            "the body axes are forward-left-up and are read as forward-right-down (or the reverse)",
+            Correction(scale=dict.fromkeys(BODY_AXES, -1.0)),
         ),
         Mistake(
             "x and y exchanged, sway too",
