@@ -11,6 +11,7 @@ import pytest
 
 from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
+from bayesid.diagnosis.event_words import unexplained
 from bayesid.diagnosis.events_counted import verdict_with
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses import facts, verdict
@@ -286,6 +287,14 @@ def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
         assert verdict_with(before, (event,), much).word == after
     unsure = verdict.Verdict("ambiguous", (), ("outside",), (), ())
     assert verdict_with(unsure, (event,), much).word == "outside"
+
+
+def test_a_motion_with_which_a_run_begins_says_what_is_taken_of_its_first_orders():
+    """A log that begins as a thruster starts from rest: it is simulated as if it had long turned."""
+    for opens in (True, False):
+        event = Event("dive5", 0.0, 1.8, "N", "motion", None, 40.0, brief=True, opens=opens)
+        said = unexplained(SimpleNamespace(events=(event,), dependence=None))
+        assert ("dive5 begins like that" in said) is opens
 
 
 def test_a_brief_motion_takes_the_verdict_from_coefficients_only_where_it_says_more():

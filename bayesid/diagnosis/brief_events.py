@@ -168,7 +168,7 @@ def _told(
         begins, ends = min(f.first for f in together), max(f.last for f in together)
         start, end = (run.start + run.width * k for k in (begins, ends))
         gain = sum(f.gain for f in together)
-        event = Event(name, start, end, first.place, "motion", None, gain, brief=True)
+        event = Event(name, start, end, first.place, "motion", None, gain, brief=True, opens=begins == 0)
         alike = actuator_event(
             sought.problem, sought.free, sought.paths[run.run], sought.runs, others,
             replace(first, first=begins, last=ends, gain=gain, chosen=sum(f.chosen for f in together)),

@@ -29,7 +29,13 @@ def unexplained(result: Result) -> str:
     times = [f"in {e.run} from {e.start:.1f} to {e.end:.1f} s" for e in motions]
     alike = [f" In {e.run} it moves then {look}." for e in motions[:MOST_RUNS] if (look := _as_if(e))]
     first = f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}."
-    return first + "".join(alike) + said
+    opening = [e.run for e in motions if e.opens and e.stuck is None]
+    begun = (
+        f" {first_few(opening, MOST_RUNS)} {'begins' if len(opening) == 1 else 'begin'} like that: a run is "
+        "simulated as if its first orders had been followed for long, which a log that begins as they change "
+        "does not show."
+    )
+    return first + "".join(alike) + (begun if opening else "") + said
 
 
 def depends(found: Dependence) -> str:

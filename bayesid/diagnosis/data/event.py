@@ -35,6 +35,7 @@ class Event:
     value, sd : of a brief event, mean of that signal and its standard deviation, SI (revolutions in rpm),
         where it is a single one and not near zero; where an actuator stuck, its deflection or revolutions
     stuck : actuator that stays where it is, whatever is ordered, which explains a brief event as well
+    opens : whether a brief event begins with its run
     """
 
     run: str
@@ -48,6 +49,7 @@ class Event:
     value: float | None = None
     sd: float | None = None
     stuck: str | None = None
+    opens: bool = False
 
     @property
     def unexplained(self) -> bool:
