@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from bayesid.api.check import check
-from bayesid.api.diagnose import diagnose
+from bayesid.api.diagnose import MOST_SAMPLES, diagnose
 from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
+from bayesid.api.inputs import condensed
 from bayesid.api.simulate import simulate, simulate_model
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough, vehicle_behaviour
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
@@ -222,15 +223,16 @@ def test_diagnose_says_input_and_what_is_left_once_it_is_mended(wrong_side):
 
 
 @pytest.mark.thorough
-def test_the_gap_of_a_right_log_is_the_same_as_logged_and_mended(clean, wrong_side):
+def test_the_gap_of_a_right_log_is_the_same_as_logged_and_mended(clean, wrong_side, model):
     """The same replay is behind both numbers, whatever the noise it was read with."""
     found = wrong_side.after.found  # the mended log is the clean one to the bit
+    read = condensed(clean, model.vehicle, MOST_SAMPLES, as_seen=True)  # averaged as the diagnosis reads it
     finding = SimpleNamespace(all_runs=False, runs=(clean.runs[1].name,))
-    gap = input_gap(found, clean, (finding,))
+    gap = input_gap(found, read, (finding,))
     assert clean.runs[1].name in gap.run
     for row in gap.rows:
         assert row.values[0] == pytest.approx(row.values[1], rel=1e-6)
-    assert input_gap(found, clean, (SimpleNamespace(all_runs=False, runs=("nowhere",)),)) is None
+    assert input_gap(found, read, (SimpleNamespace(all_runs=False, runs=("nowhere",)),)) is None
 
 
 def test_the_gap_is_told_of_the_run_on_which_the_mend_changes_it_most():
