@@ -294,7 +294,7 @@ def test_a_motion_with_which_a_run_begins_says_what_is_taken_of_its_first_orders
     for opens in (True, False):
         event = Event("dive5", 0.0, 1.8, "N", "motion", None, 40.0, brief=True, opens=opens)
         said = unexplained(SimpleNamespace(events=(event,), dependence=None))
-        assert ("dive5 begins like that" in said) is opens
+        assert ("dive5 begins with it" in said) is opens
 
 
 def test_a_brief_motion_takes_the_verdict_from_coefficients_only_where_it_says_more():

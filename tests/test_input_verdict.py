@@ -163,7 +163,7 @@ def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(clean, monkeypatch):
+def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(clean, model, monkeypatch):
     """Both explain what only the vehicle tells: the log is diagnosed as it is; mended, if that names none."""
     module = importlib.import_module("bayesid.api.diagnose")
     turn = Correction(scale={"delta_r_cmd": -1.0})
@@ -174,10 +174,11 @@ def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(
     monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
     monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
     tried: list[float] = []
+    right = condensed(clean, model.vehicle, MOST_SAMPLES, as_seen=True).runs[0].commands["delta_r_cmd"]
 
     def run(named: tuple[str, ...]):
         def diagnosed(trial, *_, **__):
-            tried.append(float(trial.runs[0].commands["delta_r_cmd"] @ clean.runs[0].commands["delta_r_cmd"]))
+            tried.append(float(trial.runs[0].commands["delta_r_cmd"] @ right))
             return SimpleNamespace(result=SimpleNamespace(simulator=named, verdict="coefficients", runs=()))
 
         return diagnosed

@@ -74,7 +74,7 @@ def test_a_relation_that_noise_hides_is_said_to_be_too_noisy_and_not_in_silence(
     assert "heading against yaw rate" not in check.in_order
     assert check.noisy == ("heading against yaw rate",)
     line = in_order_line(check)
-    assert line.endswith("; too noisy to check, for so little motion: heading against yaw rate")
+    assert line.endswith("or what no mistake on the list explains: heading against yaw rate")
     assert check_record(check)["too_noisy"] == ["heading against yaw rate"]
 
 

@@ -283,6 +283,26 @@ def test_one_sided_effects_have_the_slope_of_their_own_side(name):
     assert worst(by_obs[:, :, 0] / scale, expected / scale, 0.0) < 1e-3
 
 
+@pytest.mark.parametrize("late", [0.0, 0.73])
+@pytest.mark.parametrize("name", ["thrusters_port_stbd_dead_time", "thruster_port_dead_time"])
+def test_the_slope_by_a_dead_time_of_orders_that_switch_together(name, late):
+    """Two delayed switches at one time are one edge of the pieces, which moves with both delays."""
+    model = build_model(load_vehicle("differential_boat"), 3)
+    t = np.arange(0.0, 12.0, 0.9)
+    swing = np.where(np.arange(t.size) // 3 % 2 == 0, 1.0, -0.6)
+    plan = plan_run(model, t, {"n_port_cmd": 900 * swing, "n_stbd_cmd": 500 - 300 * swing})
+    column = model.kernel.full.act_columns.index(model.index[f"{name}.delay"])
+    at = model.with_values({f"{name}.delay": late})
+    _, slopes = actuate(model, at, plan, slopes=True, full=True)
+    h = 1e-5
+    here, then = (
+        actuate(model, model.with_values({f"{name}.delay": late + d}), plan, full=True)[0] for d in (h, 2 * h)
+    )
+    expected = (then - here) / h
+    assert np.abs(expected).max() > 100.0
+    np.testing.assert_allclose(slopes[:, :, column], expected, atol=2e-3 * np.abs(expected).max())
+
+
 def test_lag_inside_a_rate_limit_starts_without_slope():
     """A servo that runs at its limit loses tau^2 only: a diagnosis must look at a lag that is not zero."""
     model, _, plan, _ = case("generic_sub")

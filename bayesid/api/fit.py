@@ -157,8 +157,8 @@ def fit(
     if wanted and (beside := _moved_with(ship, 3 if ship.planar_only else chosen.dof, wanted, kept)):
         wanted = [*wanted, *beside]
         shown.note(
-            f"{and_list(list(beside))} of {ship.name} hold the added masses that are freed (Kirchhoff's "
-            "equations), so they are freed as well; --fix keeps them"
+            f"{and_list(list(beside))} of {ship.name}, made of the added masses that are freed (Kirchhoff's "
+            "equations), freed as well; `fix` keeps what it names"
         )
     shown.expect(1 if out is None or quick else 2)
     with shown.stage("fit") as stage:

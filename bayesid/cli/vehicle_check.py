@@ -166,7 +166,8 @@ def _stability_rows(result: Stability, vehicle: Vehicle) -> list[list[Any]]:
     rows: list[list[Any]] = [["speed [m/s]", result.U, "at which the set is judged"]]
     for name, index, fins in (("G_H", result.G_H, "rudder"), ("G_V", result.G_V, "planes")):
         upright = fins == "planes"
-        if index is None or left_to_itself(vehicle, upright):
+        seen = result.vertical if upright else result.horizontal
+        if left_to_itself(vehicle, upright) or (index is None and not seen):
             rows.append([name, index, word(index, fins, has_fins(vehicle, upright))])
     for plane, values in (("horizontal", result.horizontal), ("vertical", result.vertical)):
         if values:

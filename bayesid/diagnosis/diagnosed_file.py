@@ -133,8 +133,8 @@ def _why_other(equations: Any, model: Model) -> str:
     if equations == model.kernel.digest:
         return f"{VEHICLE_FILE} beside it is not the one it was made with; put that back, or diagnose again"
     return (
-        "was made with other equations than this version of bayesid has for this vehicle, or with effects of "
-        f"a file: {same}, else diagnose again (the vehicle file is not the reason)"
+        "was made with other equations than this version of bayesid has for the vehicle file beside it, or "
+        f"with effects of a file: {same}, else diagnose again"
     )
 
 

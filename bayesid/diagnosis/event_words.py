@@ -31,9 +31,9 @@ def unexplained(result: Result) -> str:
     first = f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}."
     opening = [e.run for e in motions if e.opens and e.stuck is None]
     begun = (
-        f" {first_few(opening, MOST_RUNS)} {'begins' if len(opening) == 1 else 'begin'} like that: a run is "
-        "simulated as if its first orders had been followed for long, which a log that begins as they change "
-        "does not show."
+        f" {first_few(opening, MOST_RUNS)} {'begins' if len(opening) == 1 else 'begin'} with it: a run is "
+        "simulated as if its first orders had long been followed; where they were given just as the log "
+        "begins, that alone looks like this, and a log should begin some seconds earlier."
     )
     return first + "".join(alike) + (begun if opening else "") + said
 

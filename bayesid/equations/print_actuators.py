@@ -58,9 +58,10 @@ def actuate_lines(c: Context) -> list[str]:
     table = {"h": "h", **{name: f"par[{k}]" for name, k in c.index.items()}}
     start, body = [], []
     for a, chain in enumerate(chains):
+        delayed = [columns.index(c.dyn.parameters[i]) for i in delays[a]]
         if chain:
-            start += _settle(g, a, chain, columns, table)
-        body += _step(c, g, a, chain, columns, table, [columns.index(c.dyn.parameters[i]) for i in delays[a]])
+            start += _settle(g, a, chain, columns, table, delayed)
+        body += _step(c, g, a, chain, columns, table, delayed)
     return [
         f"{c.upper}_ACT_COLUMNS = {tuple(c.index[n] for n in columns)!r}",
         f"{c.upper}_ACT_DELAYS = {delays!r}",
@@ -194,13 +195,17 @@ def _step(
     ]
 
 
-def _settle(g: Graph, a: int, chain: list[_Link], columns: list[str], table: dict[str, str]) -> list[str]:
+def _settle(
+    g: Graph, a: int, chain: list[_Link], columns: list[str], table: dict[str, str], delayed: list[int]
+) -> list[str]:
     """Memory of links that have long rested at the first command."""
     out = [
         f"        value = command[0, {a}]",
         f"        for c in range({len(columns)}):",
         "            tangent[c] = 0.0",
     ]
+    if delayed:
+        out += ["        if slopes:", *[f"            tangent[{c}] = delay_slope[0, {a}]" for c in delayed]]
     for link in chain:
         i = link.number
         rest = g.substitute(link.end, {g.sym("h"): g.const(_SETTLED)})

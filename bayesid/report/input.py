@@ -81,7 +81,8 @@ def in_order_line(check: InputCheck) -> str:
     if check.unseen:
         good += f"; not to be checked: {', '.join(check.unseen)}"
     if check.noisy:
-        good += f"; too noisy to check, for so little motion: {', '.join(check.noisy)}"
+        why = "not to be checked for noise, little motion or what no mistake on the list explains"
+        good += f"; {why}: {', '.join(check.noisy)}"
     return good
 
 

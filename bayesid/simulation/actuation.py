@@ -4,7 +4,8 @@ Takes a `Model`, parameters in SI and a `TimePlan`. Gives, for every step, the s
 the first moment of the true positions. The links of an actuator (dead time, lag, servo, stops) are followed
 in shorter pieces where it moves and cut where a delayed command switches. The equations need no shorter steps
 for that: a force that is linear in the position leaves the same velocity and heading at the end of a step, up
-to damping within it. A force that is quadratic in it misses what the mean square loses to the line.
+to damping within it. A force that is quadratic in it, the drag of a fin or the thrust of a shaft, misses what
+the mean square loses to the line where it moves within a step: a shaft that lags or is late by less than one.
 """
 
 from __future__ import annotations
@@ -147,6 +148,9 @@ def cut(
     stretch = by_weight = by_tilt = nothing
     if slopes and delays:
         moved = (born[:, None] == np.arange(na)).astype(float)
+        # edges at one time are one, which moves with the delays of all whose switches it is
+        one = np.cumsum(np.concatenate(([True], kept))) - 1
+        moved = np.maximum.reduceat(moved, np.flatnonzero(np.concatenate(([True], kept))), axis=0)[one]
         stretch = np.diff(moved, axis=0)
         by_weight = stretch / whole[:, None]
         by_tilt = 12.0 * (high[:, None] * moved[1:] - low[:, None] * moved[:-1]) / whole[:, None] ** 2

@@ -70,10 +70,11 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
     drawn = sorted(
         {name for run in runs for name, v in run.commands.items() if _restless(run, v, count * spacing)}
     )
+    others = {name for run in runs for name in run.commands} - set(drawn)
     ordered = (
         "orders as logged"
         if not drawn
-        else f"{and_list(drawn)} held at means over them, other orders as logged"
+        else f"{and_list(drawn)} held at means over them{', other orders as logged' if others else ''}"
     )
     words = (
         f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "
@@ -264,7 +265,8 @@ class _Grid:
 
 def _restless(run: Run, values: Floats, width: float) -> bool:
     """Whether an order changes in more than every other block."""
-    return bool(np.count_nonzero(_moves(values)) > HELD * max(run.duration / width, 1.0))
+    many = np.count_nonzero(_moves(values)) > HELD * max(run.duration / width, 1.0)
+    return bool(many and np.isfinite(values).all())
 
 
 def _moves(values: Floats) -> np.ndarray:

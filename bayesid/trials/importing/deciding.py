@@ -153,7 +153,7 @@ def _axes(draft: Draft) -> None:
             f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
             f"({100 * misfit:.0f} % of the track unexplained); "
             f"{axes_that_fit(draft) or 'are these position and heading of one vehicle, on one clock?'}"
-            + ("" if draft.has("v") else "; or the vehicle goes sideways: `u` and `v` tell it"),
+            + ("" if draft.has("v") else " Or does the vehicle go sideways? Then add `u` and `v`."),
         )
         return
     rivals = [
@@ -186,7 +186,7 @@ def _axes(draft: Draft) -> None:
     guess = axes_that_fit(draft) if draft.handed and by_speeds is None else ""
     if abs(rotation) > 0.6:
         mend = guess or "give the heading an `offset`, or another `world`"
-        mend += "" if draft.has("v") else "; or the vehicle goes sideways: `u` and `v` tell it"
+        mend += "" if draft.has("v") else " Or does the vehicle go sideways? Then add `u` and `v`."
         draft.ask(
             0,
             f"the track runs {rotation / _DEG:+.0f} deg off the heading "
