@@ -374,10 +374,11 @@ def test_a_late_rudder_is_followed_by_every_way_to_run():
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), [("generic_sub", 0.1), ("suboff_full", 0.4)])
 def test_steps_of_six_degrees_converge_regularly(name, within):
-    """As above with planes at work, drift and heave changing sign: default steps [m], and second order.
+    """As above with planes at work, drift and heave changing sign: default steps [m], above second order.
 
-    A fin held at its mean over a step is of second order: a half step leaves a quarter. The jump of Y_v|r|
-    and Z_w|q| at v = 0 and w = 0 left 1.6 m and factors between 0.3 and 20.
+    A fin on the straight line with its mean and moment leaves third order until errors are below 1 mm: a
+    quarter of a step leaves 0.7 % (generic_sub) and 4 % (suboff_full, unstable) of them; second order 6 %.
+    The jump of Y_v|r| and Z_w|q| at v = 0 and w = 0 left 1.6 m and no regular order.
     """
     model = model_of(name, 6)
     time = model.scales["L"] / model.scales["U"]
@@ -391,12 +392,12 @@ def test_steps_of_six_degrees_converge_regularly(name, within):
     x0 = steady_start(model)
     reference, default, *rest = (
         simulate(model, model.nominal, plan_run(model, t, inputs, max_step=step), x0).states
-        for step in (0.0003 * time, None, 0.02 * time, 0.01 * time, 0.005 * time, 0.0025 * time)
+        for step in (0.0003 * time, None, 0.02 * time, 0.01 * time, 0.005 * time)
     )
     assert np.linalg.norm((default - reference)[:, :3], axis=1).max() < within
     errors = [np.linalg.norm((states - reference)[:, :3], axis=1).max() for states in rest]
-    ratios = np.divide(errors[:-1], errors[1:])
-    assert ratios.min() > 3.5 and ratios.max() < 4.6
+    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2] and errors[0] > 20.0 * errors[2]
+    assert errors[2] < 1e-3
 
 
 def lively(name, dof):
