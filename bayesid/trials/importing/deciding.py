@@ -148,12 +148,11 @@ def _axes(draft: Draft) -> None:
         misfit, rotation = by_speeds[best]
         draft.map = dict(options)[best]
     elif misfit > AGREES:
+        why = axes_that_fit(draft) or "are these position and heading of one vehicle, on one clock?"
         draft.ask(
             0,
             f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
-            f"({100 * misfit:.0f} % of the track unexplained); "
-            f"{axes_that_fit(draft) or 'are these position and heading of one vehicle, on one clock?'}"
-            + ("" if draft.has("v") else " Or does the vehicle go sideways? Then add `u` and `v`."),
+            f"({100 * misfit:.0f} % of the track unexplained); {_or_sideways(draft, why)}",
         )
         return
     rivals = [
@@ -185,8 +184,7 @@ def _axes(draft: Draft) -> None:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
     guess = axes_that_fit(draft) if draft.handed and by_speeds is None else ""
     if abs(rotation) > 0.6:
-        mend = guess or "give the heading an `offset`, or another `world`"
-        mend += "" if draft.has("v") else " Or does the vehicle go sideways? Then add `u` and `v`."
+        mend = _or_sideways(draft, guess or "give the heading an `offset`, or another `world`")
         draft.ask(
             0,
             f"the track runs {rotation / _DEG:+.0f} deg off the heading "
@@ -457,6 +455,13 @@ def _rudder(draft: Draft) -> None:
                 f"positive rudder turns to {draft.map.rudder_positive}, as the turns tell by "
                 f"{abs(pooled):.0f} standard errors"
             )
+
+
+def _or_sideways(draft: Draft, text: str) -> str:
+    """A mend, and the question whether the vehicle goes sideways where no log says so."""
+    if draft.has("v"):
+        return text
+    return f"{text}{'' if text.endswith('?') else '.'} Or does the vehicle go sideways? Then add `u` and `v`"
 
 
 def _revolutions(draft: Draft) -> None:
