@@ -6,9 +6,11 @@ Takes a `Proposal`; writes PNG files. Does not: choose runs.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from bayesid.report.shown_orders import shown_orders
 from bayesid.trials.importing import Proposal
 from bayesid.trials.trial import Run
 
@@ -17,7 +19,7 @@ MOST = 40  # runs drawn; a list longer than this is looked through in the map
 
 
 def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
-    """One row per run: its track on that of the log, and its rudder with the heading."""
+    """One row per run: its track on that of the log, and its orders with the heading."""
     from matplotlib.figure import Figure
 
     rows = []
@@ -40,11 +42,7 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
                 track.set_aspect("equal", "datalim")
                 track.set_xlabel("east [m]")
                 track.set_ylabel("north [m]")
-            rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
-            if rudder is not None:
-                command.plot(
-                    look.t[own] - zero, np.degrees(rudder[own]), color="C1", lw=1.0, label="rudder [deg]"
-                )
+            _draw_orders(command, look, own, zero)
             if "psi" in look.data and own.any():
                 psi = np.degrees(look.data["psi"][own])
                 command.plot(
@@ -58,6 +56,20 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
         figure.savefig(path, dpi=90)
         paths.append(path)
     return paths
+
+
+def _draw_orders(axes: Any, look: Run, own: np.ndarray, zero: float) -> None:
+    """Angles on the axes of the heading; where none moves, speeds of shafts and thrusters on a second one."""
+    measured = {f"{name}_cmd": values for name, values in look.measured_inputs.items()}
+    orders = [o for o in shown_orders({**measured, **look.commands}) if o.moves]
+    angles = [o for o in orders if o.unit == "deg"]
+    if not angles and orders:
+        axes = axes.twinx()
+    for i, order in enumerate(angles or orders):
+        label = f"{order.label.replace(' order', '')} [{order.unit}]"
+        axes.plot(look.t[own] - zero, order.values[own], color=f"C{i + 1}", lw=1.0, label=label)
+    if not angles and orders:
+        axes.legend(fontsize=7, loc="lower right")
 
 
 def _zero(look: Run) -> float:

@@ -15,13 +15,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image  # comes with matplotlib
 
 from bayesid.report.figure_style import COLOURS, styled, subplots, track_axes
+from bayesid.report.shown_orders import shown_orders
 
 Array = np.ndarray
-LABELS = {
-    "delta_r_cmd": ("rudder [deg]", 180 / math.pi),
-    "delta_s_cmd": ("stern planes [deg]", 180 / math.pi),
-    "n_cmd": ("shaft speed [rpm]", 1.0),
-}
 # Range of a map of errors: a run that tells nothing, which everything predicts, would take all colours.
 MOST_DECADES = 4.0
 
@@ -173,13 +169,12 @@ def candidates(names: Sequence[str], values: Array, designed: str, xlabel: str, 
 @styled
 def orders(t: Array, commands: Mapping[str, Array], states: Mapping[str, Array]) -> Any:
     """Orders over time beside the track the nominal vehicle would make; with depth where there is one."""
-    shown = [n for n in LABELS if n in commands]
-    deep = "z" in states
-    figure, axes = subplots(len(shown) + deep, 2, height=1.25 * (len(shown) + deep) + 1.2, squeeze=False)
-    for ax, name in zip(axes[:, 0], shown, strict=False):
-        label, scale = LABELS[name]
-        ax.step(t, np.asarray(commands[name]) * scale, where="post", color=COLOURS["blue"])
-        ax.set_ylabel(label)
+    shown, deep = shown_orders(commands), "z" in states
+    rows = max(len(shown) + deep, 1)
+    figure, axes = subplots(rows, 2, height=1.25 * rows + 1.2, squeeze=False)
+    for ax, order in zip(axes[:, 0], shown, strict=False):
+        ax.step(t, order.values, where="post", color=COLOURS["blue"])
+        ax.set_ylabel(f"{order.label}\n[{order.unit}]")
     if deep:
         axes[-1, 0].plot(t, states["z"], color=COLOURS["blue"])
         axes[-1, 0].invert_yaxis()

@@ -21,15 +21,11 @@ from bayesid.diagnosis.plain_words import Z95, number
 from bayesid.diagnosis.result import Result
 from bayesid.report import run_picture
 from bayesid.report.diagnosis import figures
+from bayesid.report.shown_orders import shown_orders
 from bayesid.report.writer import Block, Figure, Replay, Row, Section, Table, Text, literal
 
 MOST_FRAMES = 400
 DASHES: list[list[int]] = [[6, 3], [2, 3], []]
-ORDERS = (
-    ("delta_r_cmd", "rudder order (port +)", "deg", 180 / math.pi),
-    ("delta_s_cmd", "stern-plane order", "deg", 180 / math.pi),
-    ("n_cmd", "shaft", "rpm", 1.0),
-)
 HELD_OUT = (
     " Held out: no fit and no choice of a cause has read this run; it shows what they predict, and a cause "
     "with which held-out runs are predicted worse, by more than chance, is withdrawn."
@@ -150,9 +146,7 @@ def played(r: evidence.Replay, drawn: run_picture.RunPicture) -> dict[str, Any]:
         first = [6, 3] if s.label == "as given" else dash
         shown.append(series(s.label, s.style["color"], first, s.values))
     orders = [
-        {"label": label, "unit": unit, "values": values(scale * r.commands[n], 1)}
-        for n, label, unit, scale in ORDERS
-        if n in r.commands and np.isfinite(r.commands[n]).all()
+        {"label": o.label, "unit": o.unit, "values": values(o.values, 1)} for o in shown_orders(r.commands)
     ]
     styles = {GIVEN: drawn.series[0], EXPLAINED: drawn.series[-1]}
     forces = [
