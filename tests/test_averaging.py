@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from gap_trials import model_of, noise_of
 
-from bayesid.api.inputs import condensed
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -16,6 +15,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Channels, Run, Trial, thin
 from bayesid.trials.averaging import MOST_LEFT, WHOLE, averaged
+from bayesid.trials.condensing import condensed
 
 L_U = 20.0  # s
 NOISE = {"psi": 0.01, "u": 0.05}

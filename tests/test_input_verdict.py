@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from bayesid.api.check import check
-from bayesid.api.diagnose import MOST_SAMPLES, diagnose
+from bayesid.api.diagnose import diagnose
 from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
-from bayesid.api.inputs import condensed
 from bayesid.api.simulate import simulate, simulate_model
-from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough, vehicle_behaviour
+from bayesid.diagnosis.input import (
+    MOST_SAMPLES,
+    WRONG_VEHICLE,
+    check_trial,
+    mended,
+    not_enough,
+    vehicle_behaviour,
+)
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.input_gap import InputGap, _change, input_gap
 from bayesid.diagnosis.plain_words import number
@@ -28,6 +34,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, steady_start
 from bayesid.simulation import simulate as simulated
 from bayesid.trials import Run, Trial
+from bayesid.trials.condensing import condensed
 from bayesid.trials.correction import Correction, apply
 from bayesid.trials.mistakes import InputCheck, InputFinding
 from studies.simulator_mistakes.plant import planted

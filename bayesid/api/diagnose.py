@@ -15,10 +15,8 @@ from bayesid.api.inputs import (
     TrialLike,
     VehicleLike,
     compiling_words,
-    condensed,
     declared_effects,
     model_of,
-    prepared,
     trial_of,
 )
 from bayesid.api.result import Result, table
@@ -27,7 +25,7 @@ from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
-from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input import as_read, check_trial, mended, not_enough
 from bayesid.diagnosis.input.memory_needed import enough_memory
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
@@ -42,7 +40,6 @@ from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.input import check_record, in_order_line
 from bayesid.report.writer import Report
-from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread, processors, several_threads
 from bayesid.trials import Trial
 from bayesid.trials.measured_wind import wind_words
@@ -72,8 +69,6 @@ SPATIAL_SHARES = {
 }  # fmt: skip
 # Folder of refits beside the results while a diagnosis is under way.
 JOURNAL = "refits"
-# Samples to identify above which dense readings are averaged: a planar vehicle then takes 5 to 30 s.
-MOST_SAMPLES = 1_000
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
@@ -134,7 +129,7 @@ def diagnose(
         shown.note(words)
 
     def used(of: Trial) -> Trial:
-        return ready(of, model, resample, trust_input)
+        return as_read(of, model, resample, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model, model.dof == 6))
@@ -194,18 +189,6 @@ def diagnose(
         return InputResult(logged.name, checked, reasons)
     result = diagnosis(trial, checked)
     return of_mended(checked, result) if checked.findings else result
-
-
-def ready(trial: Trial, model: Model, resample: float | None = None, trust_input: bool = False) -> Trial:
-    """The trial as a diagnosis reads it: thinned where that is asked for, else averaged where it is dense.
-
-    Parameters
-    ----------
-    resample : time between readings [s]
-    trust_input : keep the noise as stated
-    """
-    chosen = with_shaft_speed(prepared(trial, resample=resample), model.vehicle)
-    return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input, as_seen=True)
 
 
 def threads_of(trial: Trial, model: Model, wanted: int | None) -> int:

@@ -13,7 +13,6 @@ from bayesid.api.inputs import (
     TrialLike,
     VehicleLike,
     compiling_words,
-    condensed,
     declared_effects,
     names_of,
     prepared,
@@ -63,6 +62,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread, processors, several_threads
+from bayesid.trials.condensing import condensed
 from bayesid.trials.measured_wind import wind_words
 from bayesid.words import and_list, counted, did_you_mean
 

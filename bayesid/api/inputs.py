@@ -32,10 +32,9 @@ from bayesid.model.vehicles.orders import (
     without_rudder,
 )
 from bayesid.trials import Run, Trial, load_trial, thin
-from bayesid.trials.averaging import averaged
-from bayesid.trials.kinematics.derived_velocity import velocity_from_track
+from bayesid.trials.condensing import speed_known, thinned
 from bayesid.trials.measured_wind import in_measured_wind
-from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
+from bayesid.trials.noise_stated import with_seen_noise
 from bayesid.words import and_list
 
 Names: TypeAlias = "str | Iterable[str] | None"
@@ -137,11 +136,10 @@ def prepared(
     for run in trial.runs:
         if names is not None:
             run = replace(run, role="identify" if run.name in names else "holdout")
-        coarse = resample or (_every(run, most) if most and run.n_samples > most else None)
-        chosen.append(thin(run, coarse) if coarse else run)
-    # thinned readings have lost the fast changes that tell
-    derived = velocity_from_track(trial.identify) if resample else trial.velocity_from_track
-    return replace(trial, runs=tuple(chosen), velocity_from_track=derived)
+        long = most is not None and resample is None and run.n_samples > most
+        chosen.append(thin(run, _every(run, most or 0)) if long else run)
+    taken = replace(trial, runs=tuple(chosen))
+    return thinned(taken, resample) if resample else taken
 
 
 def _every(run: Run, most: int) -> float:
@@ -156,41 +154,8 @@ def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
 
     A vehicle without a usual shaft speed keeps what is stated.
     """
-    speed = usual_speed(vehicle)
+    speed = speed_known(vehicle)
     return with_seen_noise(trial, (vehicle.L, speed)) if speed is not None else trial
-
-
-def condensed(
-    trial: Trial, vehicle: Vehicle, most: int, trust_noise: bool = False, as_seen: bool = False
-) -> Trial:
-    """The trial with dense readings averaged where its runs to identify hold more than `most` samples.
-
-    Noise is compared with fast changes of the readings as logged, unless it is to be trusted. A vehicle
-    without a usual speed keeps its readings.
-
-    Parameters
-    ----------
-    as_seen : a noise that is not stated is taken from fast changes of the readings as logged, with a warning;
-        else a trial without any stated noise keeps its readings
-    """
-    speed = usual_speed(vehicle)
-    if speed is None or sum(run.n_samples for run in trial.identify) <= most:
-        return trial
-    believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
-    known = with_noise_of_readings(believed, (vehicle.L, speed)) if as_seen else believed
-    done = averaged(known, vehicle.L / speed, most)
-    return believed if done is known else done
-
-
-def usual_speed(vehicle: Vehicle) -> float | None:
-    """Speed at the usual revolutions [m/s]; None where that is not known."""
-    if vehicle.rpm_ref is None:
-        return None
-    try:
-        speed = self_propulsion_speed(vehicle, vehicle.rpm_ref)
-    except VehicleError:
-        return None
-    return speed if speed > 0 else None
 
 
 def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) -> Scale:

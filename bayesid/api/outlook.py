@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.api.diagnose import MOST_SAMPLES, ready
-from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of, usual_speed
+from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
+from bayesid.diagnosis.input import MOST_SAMPLES, as_read
 from bayesid.progress import time_words
 from bayesid.trials import Run
+from bayesid.trials.condensing import speed_known
 from bayesid.words import and_list, counted, digits
 
 # Seconds of one core per reading, least and most of four diagnoses with --quick of AUVs and a submarine in
@@ -89,8 +90,8 @@ def outlook(trial: TrialLike, vehicle: VehicleLike | None = None, *, quick: bool
     """
     logged = trial_of(trial)
     model = model_of(logged, vehicle)
-    used = ready(logged, model).identify
-    speed, spacing = usual_speed(model.vehicle), _spacing(logged.identify)
+    used = as_read(logged, model).identify
+    speed, spacing = speed_known(model.vehicle), _spacing(logged.identify)
     count = sum(run.n_samples for run in used)
     factor = (1.0 if quick else WHOLE) * (SPATIAL if model.dof == 6 else 1.0)
     low, high = (factor * (BESIDE + each * count) for each in PER_READING)

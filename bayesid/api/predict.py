@@ -23,7 +23,7 @@ from bayesid.api.inputs import (
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
-from bayesid.diagnosis.input import check_trial
+from bayesid.diagnosis.input import as_read, check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ManoeuvreError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
@@ -189,7 +189,7 @@ def _model(
             "`bayesid diagnose`; with --model it is not asked"
         )
     diagnosis = diagnose(
-        with_shaft_speed(trial, model.vehicle), model, seed=seed, plan_next=False, keep_model=True,
+        as_read(trial, model), model, seed=seed, plan_next=False, keep_model=True,
         notify=progress.route(diagnosis_route(False, False, True, model.dof == 6)),
     )  # fmt: skip
     found = diagnosed_model_of(diagnosis)

@@ -23,6 +23,7 @@ from bayesid.benchmark.protocol.detectability import Detectability, detectabilit
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
 from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, write_answer
 from bayesid.code import code_digest
+from bayesid.diagnosis.input import as_read
 from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
@@ -84,7 +85,7 @@ def diagnose_campaign(
         try:
             trial = load_trial(bundle)
             model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-            found = diagnose(trial, model, as_built=as_built, plan_next=plan_next)
+            found = diagnose(as_read(trial, model), model, as_built=as_built, plan_next=plan_next)
             verdict = found.result.record()
         except BayesidError as error:
             failure = str(error)

@@ -35,7 +35,7 @@ class ScoredVerdict:
     ----------
     truth, regime, ratio : label, one of REGIMES, and effect over form gap
     word, named, stated_set : the verdict; named families (empty unless the word names), families of the set
-    wrong : named families that are not labelled; a mistake of the simulator is none of the labels
+    wrong : named families that are not labelled; no mistake of simulator or log is labelled
     how : in words what the verdict came to
     right : whether the rule of its regime is kept
     parameters : (effect, parameter, true, estimate, sd, inside) of rightly named effects
@@ -69,8 +69,8 @@ def scored(label: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Score
     truth = frozenset() if regime in ("none", "outside") else families_of(causes)
     effects = verdict["effects"] if verdict else ()
     named = families_of(e["name"] for e in effects) if word in NAMING_VERDICTS else frozenset()
-    mistakes = verdict.get("simulator", ()) if verdict else ()  # verdicts kept before do not say
-    named |= frozenset(f"simulator: {name}" for name in mistakes)
+    for kind in ("simulator", "input"):  # verdicts kept before do not say
+        named |= frozenset(f"{kind}: {name}" for name in (verdict.get(kind, ()) if verdict else ()))
     stated_set = families_of(verdict["set95"]) if verdict else frozenset()
     parameters = _parameters(causes, effects) if named & truth else ()
     inside = all(p[-1] for p in parameters)

@@ -14,6 +14,7 @@ from typing import Any
 
 from bayesid.benchmark.protocol.commitment import digest_of_folder, read_json
 from bayesid.code import code_digest
+from bayesid.diagnosis.input import checked_and_read
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
@@ -22,6 +23,7 @@ from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
 from bayesid.trials import load_trial
+from bayesid.trials.measured_wind import in_measured_wind
 
 KEYS = ("verdict", "set95", "probabilities")
 
@@ -70,8 +72,10 @@ def _keep(folder: Path, code: str, seed: int, bundle: Path) -> tuple[str, str]:
     begun = time.process_time()
     try:
         trial = load_trial(bundle)
-        model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+        model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
+        trial, checked = checked_and_read(trial, model)
         kept |= summary(diagnose(trial, model, seed=seed, plan_next=False).result.record())
+        kept["input"] = [f.name for f in checked.findings]
     except BayesidError as error:
         kept["failure"] = str(error)
     except Exception as error:  # one bundle must not cost the others theirs

@@ -13,10 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from bayesid.api.inputs import prepared
 from bayesid.benchmark.plant import draw_campaign, write_bundle
 from bayesid.benchmark.protocol.cause_families import families_of
 from bayesid.benchmark.protocol.judgement import NAMING_VERDICTS
+from bayesid.diagnosis.input import as_read
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
@@ -66,7 +66,7 @@ def thinned_case(task: Thinned, intervals: Sequence[float] = INTERVALS) -> dict[
         rates = []
         for interval in intervals:
             begun = time.process_time()
-            given = trial if interval == FINEST else prepared(trial, resample=interval)
+            given = as_read(trial, model, None if interval == FINEST else interval)
             try:
                 record, failure = diagnose(given, model, plan_next=False).result.record(), ""
             except BayesidError as error:

@@ -14,6 +14,7 @@ from bayesid.benchmark.plant.example import NAME, example_campaign
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
+from bayesid.diagnosis.input import as_read
 from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.files import write_json
@@ -33,7 +34,7 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
     trial = load_trial(NAME)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
     with progress.stage("example bundle"):
-        d = diagnose(trial, model, seed=seed, notify=progress.note)
+        d = diagnose(as_read(trial, model), model, seed=seed, notify=progress.note)
         found = diagnosed_model_of(d)
     record = d.result.record()
     write_json(out / NAME / "diagnosis.json", record)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.plant import draw_campaign, write_bundle
+from bayesid.diagnosis.input import as_read
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.executor import Executor
@@ -60,7 +61,7 @@ def run(task: tuple[int, int]) -> dict[str, Any]:
         answer = write_bundle(made, bundle)
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-        found = diagnose(trial, model, seed=seed, plan_next=False).result.record()
+        found = diagnose(as_read(trial, model), model, seed=seed, plan_next=False).result.record()
     return {
         "vehicle": vehicle,
         "planted": list(effects),

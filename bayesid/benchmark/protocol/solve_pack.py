@@ -229,13 +229,14 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
     from bayesid.benchmark.general_methods import METHODS
-    from bayesid.diagnosis.input import check_trial, mended
+    from bayesid.diagnosis.input import checked_and_read
     from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
     from bayesid.report.input import check_record
     from bayesid.trials import load_trial
+    from bayesid.trials.measured_wind import in_measured_wind
 
     folder.mkdir(parents=True, exist_ok=True)
     cpu, wall = time.process_time(), time.monotonic()
@@ -244,10 +245,8 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     outcome = "failed"
     try:
         trial = load_trial(bundle)
-        model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-        checked = check_trial(trial, model)
-        if any(finding.correction is not None for finding in checked.findings):
-            trial = mended(trial, checked)
+        model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
+        trial, checked = checked_and_read(trial, model)
         found = None
         if settings.method == DIAGNOSIS:
             found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)

@@ -5,8 +5,18 @@ of the simulator would explain as well is said so.
 Does not: weigh effects, or change a file.
 """
 
+from bayesid.diagnosis.input.as_read import MOST_SAMPLES, as_read, checked_and_read
 from bayesid.diagnosis.input.check import check_trial, mended
 from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
-__all__ = ["WRONG_VEHICLE", "check_trial", "mended", "not_enough", "unmoved_inputs"]
+__all__ = [
+    "MOST_SAMPLES",
+    "WRONG_VEHICLE",
+    "as_read",
+    "check_trial",
+    "checked_and_read",
+    "mended",
+    "not_enough",
+    "unmoved_inputs",
+]

@@ -1,0 +1,36 @@
+"""A trial as the diagnosis reads it: a shaft speed in every run, mistakes mended, dense readings averaged.
+
+Takes a trial and a model. Gives the trial that `diagnosis.run.diagnose` is to be given.
+"""
+
+from __future__ import annotations
+
+from bayesid.diagnosis.input.check import check_trial, mended
+from bayesid.equations.model import Model
+from bayesid.simulation import with_shaft_speed
+from bayesid.trials import Trial
+from bayesid.trials.condensing import condensed, thinned
+from bayesid.trials.mistakes import InputCheck
+
+# Samples to identify above which dense readings are averaged: a planar vehicle then takes 5 to 30 s.
+MOST_SAMPLES = 1_000
+
+
+def as_read(trial: Trial, model: Model, resample: float | None = None, trust_noise: bool = False) -> Trial:
+    """The trial thinned where that is asked for, else averaged where it is dense.
+
+    Parameters
+    ----------
+    resample : time between readings [s]
+    trust_noise : keep the noise as stated
+    """
+    taken = with_shaft_speed(thinned(trial, resample) if resample else trial, model.vehicle)
+    return taken if resample else condensed(taken, model.vehicle, MOST_SAMPLES, trust_noise, as_seen=True)
+
+
+def checked_and_read(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
+    """The trial as read, mistakes that the check finds mended in memory, and what it found."""
+    checked = check_trial(trial, model)
+    if any(finding.correction is not None for finding in checked.findings):
+        trial = mended(trial, checked)
+    return as_read(trial, model), checked

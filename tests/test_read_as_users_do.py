@@ -1,0 +1,52 @@
+"""Studies and packs diagnose a log as `bayesid diagnose` reads it, with dense readings averaged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bayesid
+from bayesid.benchmark.protocol import solve_pack
+from bayesid.benchmark.protocol.commitment import digest_of_folder
+from bayesid.errors import ModelError
+from bayesid.trials import load_trial, write_trial
+from studies.other_equations import verdicts
+
+NOISE = {"x": 0.1, "y": 0.1, "psi": 0.003, "u": 0.02, "v": 0.02, "r": 0.003}
+
+
+class _Stopped(ModelError):
+    pass
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    trial = bayesid.simulate("remus100", "zigzag:10/10,duration=120", dt=0.05, noise=NOISE)
+    assert trial.identify[0].n_samples > 1000
+    return write_trial(replace(trial, vehicle_ref="remus100"), tmp_path_factory.mktemp("read") / "b")
+
+
+def test_a_diagnosis_a_pack_and_a_study_read_the_same(bundle, tmp_path, monkeypatch):
+    seen = []
+
+    def diagnose(trial, model, **_):
+        seen.append(trial)
+        raise _Stopped("stopped")
+
+    for place in ("bayesid.api.diagnose.run", "bayesid.diagnosis.run.diagnose"):
+        monkeypatch.setattr(place, diagnose)
+    monkeypatch.setattr(verdicts, "diagnose", diagnose)
+    with pytest.raises(_Stopped):
+        bayesid.diagnose(bundle)
+    verdicts._keep(tmp_path, "code", 0, bundle)
+    settings = solve_pack.SolveSettings()
+    now = {"code": "code"}
+    solve_pack._solve_one((bundle, tmp_path / "pack", digest_of_folder(bundle), settings, now))
+    logged, (user, study, pack) = load_trial(bundle), seen
+    assert user.identify[0].n_samples < 0.6 * logged.identify[0].n_samples
+    for other in (study, pack):
+        for a, b in zip(user.runs, other.runs, strict=True):
+            np.testing.assert_array_equal(a.t, b.t)
+            for name in a.data:
+                np.testing.assert_array_equal(a.data[name], b.data[name])
+        assert user.noise == other.noise
