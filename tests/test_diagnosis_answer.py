@@ -62,6 +62,9 @@ def test_coefficients_kept_as_given_are_found_beside_the_effects_by_a_fit_that_i
     own = replace(found, effects=tuple(replace(e, name="ice") for e in found.effects))
     kept = " ".join(answer(replace(own, retuning=Retuning(False, -0.1, 0.2, {}))).steps)
     assert "--effects FILE --out FOLDER`" in kept
+    of_file = replace(found, effects=tuple(replace(e, name="thruster_stbd_gain") for e in found.effects))
+    kept = " ".join(answer(replace(of_file, retuning=Retuning(False, -0.1, 0.2, {}))).steps)
+    assert "--with thruster_stbd_gain" in kept and "--effects" not in kept
     for other in (Retuning(True, 0.5, 0.2, {}), Retuning(False, -0.1, 0.2, {}, as_given=True)):
         assert "--with" not in " ".join(answer(replace(found, retuning=other)).steps)
 

@@ -28,10 +28,10 @@ from bayesid.model.vehicles.orders import (
     spread,
 )
 from bayesid.model.vehicles.sufficient import lacking
-from bayesid.prediction.initial_state import balanced_speed
 from bayesid.prediction.intervals import measure_bands
 from bayesid.prediction.manoeuvre_prediction import predict_manoeuvre
 from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
+from bayesid.simulation.balanced_speed import balanced_speed
 from bayesid.trials import write_trial
 
 FERRY = """

@@ -31,7 +31,7 @@ from bayesid.model.notation import ORDER_TIMES
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed
 from bayesid.prediction import run_prediction
 from bayesid.prediction.fitted_model import Calibration, diverging_draws
-from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
+from bayesid.prediction.initial_state import coloured_noise, initial_states
 from bayesid.prediction.intervals import (
     as_given,
     band_checks,
@@ -48,6 +48,7 @@ from bayesid.progress import Progress
 from bayesid.report.fit import diverging_words
 from bayesid.report.predict_first_screen import band_text, beside, estimate_words, headline, mean_until
 from bayesid.simulation import observe, plan_run, run_manoeuvre, simulate, steady_start
+from bayesid.simulation.balanced_speed import balanced_speed
 from bayesid.trials import Run, window, write_trial
 
 MODEL = model_of("remus100")

@@ -85,11 +85,25 @@ def test_thrusters_of_one_type_have_common_effects_which_are_those_of_each_by_on
     assert not any(e.name.startswith("thrusters_") for e in unlike)
 
 
+@pytest.mark.parametrize(
+    ("port", "stbd", "drifts"), [(0.0, 0.0, 0.0), (600.0, 600.0, 0.02), (-600.0, -700.0, None)]
+)
+def test_a_simulated_run_begins_at_the_speed_of_the_first_orders(tmp_path, port, stbd, drifts):
+    (tmp_path / "orders.csv").write_text(f"t[s],n_port_cmd[rpm],n_stbd_cmd[rpm]\n0,{port},{stbd}\n30,0,0\n")
+    run = bayesid.simulate(BOAT, f"table:{tmp_path / 'orders.csv'}", dt=0.5).runs[0]
+    u = run.data["u"][run.t <= 29.0]
+    if drifts is None:  # astern there is no such speed: it begins at rest
+        assert u[0] == 0.0 and u[-1] < -0.2
+    else:
+        assert np.ptp(u) <= drifts * max(u[0], 1.0) and (u[0] > 0.3) == (port > 0.0)
+
+
 @pytest.mark.thorough
-def test_a_weak_port_thruster_is_found_from_the_log():
-    # in pieces: over whole runs the heading is radians off at the start, and the search ends elsewhere
+@pytest.mark.parametrize("piece", [15.0, None])
+def test_a_weak_port_thruster_is_found_from_the_log(piece):
+    # over whole runs the heading is radians off at the start values, and a search from there ends elsewhere
     found = fit_in_pieces(
-        boat_trial(1, gain=(0.88, 1.0)), 15.0, free=("N_r0", "X_u|u|"), effects=("thruster_port_gain",),
+        boat_trial(1, gain=(0.88, 1.0)), piece, free=("N_r0", "X_u|u|"), effects=("thruster_port_gain",),
         parts=NoiseParts(),
     )  # fmt: skip
     i = found.fit.names.index(PORT)

@@ -49,6 +49,7 @@ from bayesid.diagnosis.third_model import as_given, coefficients_alone, explaine
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.diagnosis.unnamed_words import unnamed_words
 from bayesid.model.effects import CATALOGUE
+from bayesid.model.effects.named import of_named_actuator
 from bayesid.places import NOWHERE, Places
 from bayesid.words import first_few
 
@@ -399,7 +400,8 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
             out.append(_retune(result, places))
         if not retuned(result) and not as_given(result) and result.effects:
             names = ",".join(e.name for e in result.effects)
-            if not {e.name for e in result.effects} <= {e.name for e in CATALOGUE}:
+            listed = {e.name for e in CATALOGUE}
+            if any(e.name not in listed and not of_named_actuator(e.name) for e in result.effects):
                 names += places.effects or " --effects FILE"
             out.append(
                 f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit "

@@ -87,7 +87,7 @@ def _measured() -> tuple[Channel, ...]:
 #: names an actuator of a vehicle file may have
 ACTUATOR_NAMES = ("port", "stbd", "bow", "stern", *map(str, range(1, 9)))
 #: what a named actuator may be ordered beside its revolutions: first word of its column -> unit, meaning
-_NAMED = {
+TURNED = {
     "azimuth": ("rad", "direction of thruster", "from that of its file to starboard"),
     "nozzle": ("rad", "nozzle angle of waterjet", "to starboard"),
     "bucket": ("-", "bucket of waterjet", "1 up and -1 down"),
@@ -113,7 +113,7 @@ def _inputs() -> tuple[Channel, ...]:
         rows.append(Channel("n" + suffix, "rpm", kind, f"{word} propeller speed"))
         for name in ACTUATOR_NAMES:
             rows.append(Channel(f"n_{name}{suffix}", "rpm", kind, f"{word} speed of thruster {name}"))
-        for first, (unit, meaning, sense) in _NAMED.items():
+        for first, (unit, meaning, sense) in TURNED.items():
             for name in ACTUATOR_NAMES:
                 text = f"{word} {meaning} {name}, {sense}"
                 rows.append(Channel(f"{first}_{name}{suffix}", unit, kind, text, circular=first == "azimuth"))

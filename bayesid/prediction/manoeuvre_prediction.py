@@ -17,9 +17,10 @@ from bayesid.estimation.run_data import Array
 from bayesid.manoeuvres import Manoeuvre, OpenLoop, first_orders
 from bayesid.model.notation import ORDER_TIMES
 from bayesid.prediction.draws import centres_of, disturbed, estimate_of, require_enough, slow_errors
-from bayesid.prediction.initial_state import balanced_speed, coloured_noise
+from bayesid.prediction.initial_state import coloured_noise
 from bayesid.prediction.prediction import Prediction
 from bayesid.simulation import TimePlan, carried_by_water, observe, plan_run, run_manoeuvre
+from bayesid.simulation.balanced_speed import balanced_speed
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 
 

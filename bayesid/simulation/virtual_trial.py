@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.model.vehicles.orders import own_orders
+from bayesid.simulation.balanced_speed import balanced_speed
 from bayesid.simulation.closed_loop import carried_by_water, run_manoeuvre, steady_start
 from bayesid.simulation.sensors import observe
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
@@ -67,7 +69,7 @@ def virtual_run(
         raise ModelError(f"noise {', '.join(wrong)}: a standard deviation is finite and not negative")
     if any(noise.values()) and rng is None:
         raise ModelError("noise needs a random generator")
-    start = carried_by_water(model, par, steady_start(model, _first_shaft_speed(manoeuvre)))
+    start = carried_by_water(model, par, _start(model, manoeuvre))
     track, commands = run_manoeuvre(model, par, manoeuvre, start)
     plan = plan_run(model, track.t, commands)
     readings = observe(model, par, plan, track.states)
@@ -109,6 +111,18 @@ def virtual_trial(
         runs.append(run)
     stated = {channel: sigma for channel, sigma in (noise or {}).items() if sigma > 0}
     return Trial(title, Path("."), vehicle_ref, model.dof, tuple(runs), noise=stated)
+
+
+def _start(model: Model, manoeuvre: Manoeuvre) -> np.ndarray:
+    """State straight ahead at the speed of the first orders; at rest where theirs does not balance."""
+    named = {f"{s}_cmd" for thruster in model.vehicle.thrusters for s in thruster.signals}
+    if not isinstance(manoeuvre, OpenLoop) or not named & set(manoeuvre.commands):
+        return steady_start(model, _first_shaft_speed(manoeuvre))
+    first = {name: float(values[0]) for name, values in manoeuvre.commands.items()}
+    out = steady_start(model, 0.0)
+    with suppress(ModelError):
+        out[model.states.index("u")] = balanced_speed(model, model.nominal, first)[0]
+    return out
 
 
 def _first_shaft_speed(manoeuvre: Manoeuvre) -> float | None:

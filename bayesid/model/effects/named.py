@@ -9,14 +9,17 @@ one type wherever they are, `thrusters_1_2_...`. Does not: say what may be wrong
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, replace
 
 from bayesid.model.actuators import Actuator, Fin, Pusher, kind_of
+from bayesid.model.channels import ACTUATOR_NAMES, TURNED
 from bayesid.model.effects.declare import Effect
 from bayesid.model.effects.named_single import ALONE, of_fin, of_servo, of_shaft, share_of_force
 from bayesid.words import and_list
 
+_OF_NAMED = re.compile(rf"(thrusters?|(twin_)?fins|{'|'.join(TURNED)})_({'|'.join(ACTUATOR_NAMES)})_")
 # what a common supply, or a common type, makes of all the fins of an X, or of all thrusters, at once
 _COMMON = ("lag", "dead_time", "rate_limit", "effectiveness", "gain")
 _RPM = 1000.0  # usual revolutions where none are stated
@@ -30,6 +33,11 @@ _PLURAL = {
     "Thruster {} takes": "Thrusters {} take",
     "Thruster {} acts": "Thrusters {} act",
 }
+
+
+def of_named_actuator(effect: str) -> bool:
+    """Whether an effect is of actuators that a vehicle file names, by its name."""
+    return bool(_OF_NAMED.match(effect))
 
 
 def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -> tuple[Effect, ...]:
