@@ -31,11 +31,12 @@ from bayesid.trials.stated import Stated  # noqa: E402
 
 WRITTEN = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if p.name != "importing.md")]
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_TABLE = re.compile(r"^`(\w+\.csv)`[^\n]*:\n\n```csv\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 # pages whose commands take seconds; those of the others take minutes
 CHEAP = ("guide/own_log.md", "guide/new_vehicles.md", "guide/manoeuvres.md", "developer/blind_checks.md")
-COSTLY = ("guide/ten_minutes.md", "guide/diagnosis.md", "../README.md")
+COSTLY = ("guide/ten_minutes.md", "guide/diagnosis.md", "guide/thruster_vehicles.md", "../README.md")
 
 
 def blocks(page, language):
@@ -152,6 +153,8 @@ def runs_of(page):
 def run_page(page, folder):
     """Run the commands of a page in a folder, then its Python; what they print."""
     printed = []
+    for name, text in _TABLE.findall(page.read_text("utf-8")):
+        (folder / name).write_text(text, encoding="utf-8")
     for run, code in runs_of(page):
         line = ["-m", *run] if run[0] == "bayesid" else ["-c", *run]
         done = subprocess.run(
