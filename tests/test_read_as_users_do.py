@@ -8,7 +8,10 @@ import pytest
 import bayesid
 from bayesid.benchmark.protocol import solve_pack
 from bayesid.benchmark.protocol.commitment import digest_of_folder
+from bayesid.diagnosis.input import as_read
+from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial, write_trial
 from studies.other_equations import verdicts
 
@@ -50,3 +53,26 @@ def test_a_diagnosis_a_pack_and_a_study_read_the_same(bundle, tmp_path, monkeypa
             for name in a.data:
                 np.testing.assert_array_equal(a.data[name], b.data[name])
         assert user.noise == other.noise
+
+
+def test_averages_know_the_noise_of_the_single_readings(bundle):
+    logged = load_trial(bundle)
+    read = as_read(logged, build_model(load_vehicle("remus100"), 3))
+    assert read.noise["psi"] < 0.7 * logged.noise["psi"]
+    assert read.of_single_readings({"psi": 2 * read.noise["psi"], "z": 0.5}) == pytest.approx({
+        "psi": 2 * logged.noise["psi"], "z": 0.5,
+    })  # fmt: skip
+    assert logged.of_single_readings(logged.noise) == dict(logged.noise)
+
+
+@pytest.mark.thorough
+def test_bands_of_a_dense_log_hold_its_single_readings(tmp_path):
+    orders = ("zigzag:10/10,duration=60", "turn:8,duration=60", "zigzag:5/5,duration=60")
+    trial = bayesid.simulate("remus100", *orders, dt=0.05, noise=NOISE, seed=4, holdout=orders[2])
+    found = bayesid.diagnose(replace(trial, vehicle_ref="remus100"), next_manoeuvre=False)
+    assert found.found.trial.noise["psi"] < 0.7 * NOISE["psi"]
+    found.save(tmp_path / "gap")
+    (held,) = trial.holdout
+    told = bayesid.predict(trial, held.name, model=tmp_path / "gap", draws=100).record()
+    assert min(check["inside"] for check in told["band_checks"].values()) > 0.9
+    assert not [text for text in told["failed_checks"] if "too narrow" in text or "names no cause" in text]

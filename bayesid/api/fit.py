@@ -186,7 +186,8 @@ def fit(
         shown.note(f"no model for predictions: {error}")
         write_why_not(out, str(error))
         return FitResult(found, places=places, no_model=str(error))
-    write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
+    noise = found.trial.of_single_readings(model.noise)
+    write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found)), noise=noise), out)
     return FitResult(found, replace(calibration, diverge=lost), places)
 
 

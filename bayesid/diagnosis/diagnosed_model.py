@@ -294,13 +294,17 @@ def _left_out(
 
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
-    """The diagnosed model of a diagnosis, with the checks it failed: the one it holds, else made now."""
+    """The diagnosed model of a diagnosis, with the checks it failed: the one it holds, else made now.
+
+    Its noise is that of single readings: a prediction begins on them and is judged by them.
+    """
     told = d.result.retuning
     found = d.diagnosed or diagnosed_model(
         d.problem, d.candidates, d.verdict, d.trial.digest, told is None or told.kept,
         told is not None and (told.as_given or told.alone),
     )  # fmt: skip
-    return replace(found, failed_checks=failures(d.result))
+    noise = d.trial.of_single_readings(found.noise)
+    return replace(found, failed_checks=failures(d.result), noise=noise)
 
 
 def fitted_model(

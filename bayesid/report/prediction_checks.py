@@ -17,6 +17,7 @@ LEVEL = 0.95
 # Share of the readings inside the band, on average over runs, below which the band may be too narrow; and the
 # probability, over all channels, that a vehicle drawn from the model fills no more of it, below which it is.
 HELD_SHARE, CHANCE = 0.8, 0.05
+MOST_UNNAMED = 0.5  # share of the draws with a cause that the diagnosis does not name
 MEASURED = 0.5  # share of the draws that must have a measure for it to be told
 MOST_LOST = 3  # predictions named in a sentence
 MEASURES_HOLD = (
@@ -67,7 +68,8 @@ def _of_model(numbers: Mapping[str, Any]) -> list[str]:
     word = numbers["verdict"]
     source = f"The {'fit' if word == 'fit' else 'diagnosis'} this is drawn from failed a check."
     out = [f"{source} {text}" for text in numbers["model_failed_checks"]]
-    if word not in (*NAMING, "fit") and any(h["effects"] for h in numbers["hypotheses"]):
+    unnamed = sum(h["weight"] for h in numbers["hypotheses"] if h["effects"])
+    if word not in (*NAMING, "fit") and unnamed > MOST_UNNAMED:
         out.append(
             f"The diagnosis this is drawn from names no cause (verdict {word.replace('_', ' ')}): what "
             "is drawn explains the runs it has read, and may not be what acts."

@@ -83,7 +83,9 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
     )
     derived = velocity_from_track(runs)
     known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
-    return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
+    return replace(
+        out, velocity_from_track=known, warnings=(*trial.warnings, words), single_noise=dict(trial.noise)
+    )
 
 
 def _best(

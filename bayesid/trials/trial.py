@@ -104,6 +104,7 @@ class Run:
     provenance : how the run came from its file (windows, resampling)
     began : when the run began [s], of a part of one: from there effects that change with time count; None: at
         its first sample
+    single_noise : `noise` of the single readings where those of the runs are averages of them; else empty
     digest : SHA-256 of everything above but warnings and notes, made when it is first asked for
     """
 
@@ -223,6 +224,7 @@ class Trial:
     attribution: str = ""
     warnings: tuple[str, ...] = ()
     velocity_from_track: bool | None = None
+    single_noise: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         where = f"trial {self.name!r}"
@@ -256,6 +258,11 @@ class Trial:
         stated = (self.dof, sorted(self.noise.items()), self.environment, self.measured_point)
         text = repr(stated) + "".join(run.digest for run in self.runs)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def of_single_readings(self, noise: Mapping[str, float]) -> dict[str, float]:
+        """Noise of averaged readings as that of the single ones they are made of; as it is where none are."""
+        single = {c: s / self.noise[c] for c, s in self.single_noise.items() if self.noise.get(c)}
+        return {c: s * single.get(c, 1.0) for c, s in noise.items()}
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, Any], vehicle: Any = "", **stated: Any) -> Trial:
