@@ -87,6 +87,18 @@ def test_an_order_that_changes_with_every_sample_is_held_at_its_mean():
     assert np.abs(lone - expected).max() > 0.01
 
 
+def test_an_order_that_changes_all_the_time_jumps_when_it_did():
+    """A spiral: the rudder goes hard over at once, then back bit by bit."""
+    was = straight()
+    order = np.where(was.t < 61.23, 0.0, -0.35 + 0.0004 * (was.t - 61.23))
+    run = averaged(trial_of([replace(was, commands={"delta_r_cmd": order})]), L_U, 500).runs[0]
+    at = was.t[np.argmax(order < -0.3)]
+    switched = np.searchsorted(run.t, at - 1e-9)
+    assert run.t[switched] == pytest.approx(at, abs=1e-9) and run.t.size < 600
+    held = run.commands["delta_r_cmd"]
+    assert held[switched - 1] == 0.0 and held[switched] == pytest.approx(-0.35, abs=1e-3)
+
+
 def test_revolutions_that_change_with_every_sample_are_held_at_those_of_their_thrust():
     """A thruster that holds a depth goes ahead and astern; the mean of its revolutions is another thrust."""
     was = straight()

@@ -3,7 +3,7 @@
 Takes a `Trial` and the size of its vehicle. Gives a `Trial` with fewer readings of less noise, or the same.
 Does not: touch orders that are held for longer than a block, which switch when they did, nor logs that are
 short enough as they are. An order that changes all the time, an autopilot's, is held at its mean instead, one
-of revolutions at that of the thrust they give (n|n|).
+of revolutions at that of the thrust they give (n|n|), from each of its jumps on anew.
 
 The readings of a block are replaced by the line through them at its middle: exact for motion without bend,
 whatever the stamps. A bend adds a 24th of the second difference of neighbouring averages; it is taken off,
@@ -31,6 +31,7 @@ AWAY = 2  # blocks
 LEFT = 1.0 / 24.0**2 + AWAY**2 / (12.0 * 24.0) - 1.0 / 1920.0  # of the fourth difference of averages
 NOISE_OF_FOURTH = 70.0  # variance of 1 -4 6 -4 1 times independent readings of variance one
 HELD = 0.5  # changes per block, above which an order changes all the time
+JUMP = 5.0  # of its usual changes, from which one is a jump: the begin of a spiral's ramp
 EDGE = 1e-3  # of a block, by which it begins early: no edge is on a reading, where rounding would decide
 BESIDE = 0.05  # of a block: a reading so near its middle is moved there, by a line to its neighbour
 WORTH = 0.75  # most samples left, of those there were: every change of an order keeps one
@@ -207,7 +208,10 @@ class _Grid:
             else:
                 self.held[name], self._means[name] = rate * worth, _unbent(mean, share)
                 self.kept = min(self.kept, worth)
-        switched = [t[moves] for values in run.commands.values() if not self._moving(moves := _moves(values))]
+        switched = [
+            t[_jumps(values) if self._moving(moves := _moves(values)) else moves]
+            for values in run.commands.values()
+        ]
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
         extra += [_off(kept, times, BESIDE * width) for times in read]
@@ -274,6 +278,12 @@ def _restless(run: Run, values: Floats, width: float) -> bool:
 def _moves(values: Floats) -> np.ndarray:
     """(n,) where an order is another than before."""
     return np.concatenate([[False], (np.diff(values) != 0) & np.isfinite(values[1:])])
+
+
+def _jumps(values: Floats) -> np.ndarray:
+    """(n,) where an order that changes all the time jumps: its mean over a block would be early and late."""
+    moves = np.abs(np.nan_to_num(np.diff(values, prepend=values[:1])))
+    return np.asarray(moves > JUMP * np.median(moves[moves > 0.0]))
 
 
 def _nearest(samples: Floats, t: Floats) -> np.ndarray:

@@ -26,6 +26,7 @@ from bayesid.benchmark.protocol.problem_file import read_problem, write_problem
 from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
 from bayesid.diagnosis.evidence.holdout import validate_holdout
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank, build_bank, testable
+from bayesid.diagnosis.input import checked_and_read
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
@@ -109,6 +110,7 @@ def oracle(task: tuple[Answer, Path, Path, Mapping[str, Any]]) -> tuple[str, flo
         return answer.name, math.nan
     trial = load_trial(bundle)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+    trial, _ = checked_and_read(trial, model)
     environment, path, level, valid = read_problem(folder / PROBLEM_FILE)
     from bayesid.estimation.parameters import coefficient_prior
 
