@@ -104,7 +104,9 @@ class Run:
     provenance : how the run came from its file (windows, resampling)
     began : when the run began [s], of a part of one: from there effects that change with time count; None: at
         its first sample
-    digest : SHA-256 of everything above but warnings and notes, made when it is first asked for
+    known_from : input -> time of its first value [s], of those without one at the beginning; before it that
+        value stands
+    digest : SHA-256 of everything above but warnings, notes and `known_from`, made when it is first asked for
     """
 
     name: str
@@ -121,6 +123,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     provenance: tuple[str, ...] = ()
     began: float | None = None
+    known_from: Mapping[str, float] = field(default_factory=dict)
 
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
