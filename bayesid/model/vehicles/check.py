@@ -213,7 +213,7 @@ def _air(vehicle: Vehicle) -> list[Finding]:
         return []
     verb = "act" if len(names) > 1 else "acts"
     text = (
-        f'{and_list(names)} {verb} only with `model = "mmg"` in [propulsion]; on this vehicle a measured wind '
+        f'{and_list(names)} {verb} only with `model = "mmg"` in [propulsion]; on this vehicle measured wind '
         "acts by `area_coefficients` of [effects.wind], on areas that are assumed"
     )
     return [Finding("note", text)]
