@@ -12,7 +12,7 @@ from bayesid.api.check import check
 from bayesid.api.inputs import model_of, vehicle_of
 from bayesid.equations.model import build_model
 from bayesid.estimation.trial_fit import fit_trial
-from bayesid.model.vehicles import load_vehicle
+from bayesid.model.vehicles import check_vehicle, load_vehicle
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
@@ -109,3 +109,22 @@ def test_a_fit_tells_how_much_of_the_measured_wind_is_felt():
     right = fit_trial(windy(seed=3), vehicle_of(SHIP, windy()), free=["N_dr"], effects=["wind.gain"])
     assert right.gains["wind"] < 4.0
     assert "wind is as the vehicle file states (gain 1" in effect_words(right)[0]
+
+
+def test_areas_of_the_air_that_only_a_ship_by_mmg_reads_are_said_to_be_unread():
+    """A boat with `air_front` was told that it states no areas, and nothing was said of the key."""
+    trial, boat = windy(), load_vehicle("differential_boat")
+    stated = replace(boat, dimensions={"air_front": 0.07, "air_side": 0.15})
+    (note,) = (f for f in check_vehicle(stated) if "air_front" in f.text)
+    assert note.level == "note" and 'air_front and air_side act only with `model = "mmg"`' in note.text
+    words = wind_words(stated, trial)
+    assert "air_front and air_side" in words and "states no areas" not in words
+    assert "area_coefficients = 1" in words and "states no areas" in wind_words(boat, trial)
+    for other in (boat, load_vehicle(SHIP)):
+        assert not any("air_" in f.text for f in check_vehicle(other))
+
+
+def test_a_measured_wind_that_acts_on_assumed_areas_is_said_to_act():
+    boat = replace(load_vehicle("differential_boat"), effects={"wind.area_coefficients": 1.5})
+    words = wind_words(boat, windy())
+    assert "acts on 1.5 times the areas assumed" in words and "not simulated" not in words

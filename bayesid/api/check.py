@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
-from bayesid.diagnosis.input import check_trial, mended, not_enough, unmoved_inputs
+from bayesid.diagnosis.input import (
+    check_trial,
+    mended,
+    missing_orders,
+    not_enough,
+    unmoved_inputs,
+    without_missing,
+)
 from bayesid.report.input import check_record, finding_sentence, in_order_line, joint_mend
 from bayesid.trials import Run, Trial
 from bayesid.trials.health import check_run, check_runs
@@ -75,9 +82,12 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     named = bool(vehicle or logged.vehicle_ref) and with_vehicle
     model = model_of(logged, vehicle) if named else None
     still = unmoved_inputs(logged, model.vehicle) if model is not None else ()
-    found = check_trial(logged, model)
+    lost = missing_orders(logged, model.vehicle) if model is not None else {}
+    # a run without its orders would speak against the vehicle
+    found = check_trial(without_missing(logged, model.vehicle) if model is not None else logged, model)
     wind = wind_words(model.vehicle, logged) if model is not None else None
-    return Checked(found, not_enough(logged, model), still, _same(logged, found), wind)
+    lacking = (*lost.values(), *not_enough(logged, model))
+    return Checked(found, lacking, still, _same(logged, found), wind)
 
 
 def _same(logged: Trial, found: InputCheck) -> frozenset[str]:

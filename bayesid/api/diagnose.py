@@ -25,7 +25,7 @@ from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
-from bayesid.diagnosis.input import as_read, check_trial, mended, not_enough
+from bayesid.diagnosis.input import as_read, check_trial, mended, missing_orders, not_enough
 from bayesid.diagnosis.input.memory_needed import enough_memory
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
@@ -173,8 +173,13 @@ def diagnose(
             found.journal.clear()
         return None
 
+    lost = tuple(missing_orders(logged, model.vehicle).values())
     if trust_input:
+        for text in lost:
+            shown.note(text)
         return diagnosis(used(logged), InputCheck())
+    if lost:
+        return InputResult(logged.name, InputCheck(), lost)
     shown.note("input: what the channels say of one another")
     checked = check_trial(logged, model)
     if any(finding.instead for finding in checked.findings):

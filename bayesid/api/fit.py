@@ -22,7 +22,7 @@ from bayesid.api.inputs import (
 )
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed, write_why_not
-from bayesid.diagnosis.input import not_enough
+from bayesid.diagnosis.input import missing_orders, not_enough
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError, FitError, TrialError
 from bayesid.estimation.likelihood import NoiseParts
@@ -139,7 +139,7 @@ def fit(
             + (did_you_mean(unknown, ship.coef) or f"; it has {', '.join(ship.coef)}")
         )
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
-    if lacking := not_enough(chosen):
+    if lacking := (*missing_orders(chosen, ship).values(), *not_enough(chosen)):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
     if not estimate_noise:
         chosen = with_believed_noise(chosen, ship)

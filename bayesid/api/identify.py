@@ -15,7 +15,9 @@ from bayesid.analysis.identifiability import identify as look
 from bayesid.api.earlier_fit import fit_of, form_rows_of, problem_at, with_share
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
+from bayesid.diagnosis.input import missing_orders
 from bayesid.equations.model import build_model
+from bayesid.errors import TrialError
 from bayesid.estimation.output_error import FitProblem, coefficient_set, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
@@ -76,6 +78,8 @@ def identify(
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
+    if lacking := missing_orders(chosen, ship):
+        raise TrialError(f"{logged.name}: {'; '.join(lacking.values())}")
     chosen = in_pieces(chosen, pieces) if pieces else chosen
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     earlier = fit_of(fitted) if fitted is not None else None

@@ -22,8 +22,9 @@ from bayesid.api.inputs import (
     with_believed_noise,
 )
 from bayesid.api.result import Result, table
+from bayesid.diagnosis.input import missing_orders
 from bayesid.equations.model import build_model
-from bayesid.errors import SampleError
+from bayesid.errors import SampleError, TrialError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set
@@ -128,6 +129,8 @@ def sample(
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
+    if lacking := missing_orders(chosen, ship):
+        raise TrialError(f"{logged.name}: {'; '.join(lacking.values())}")
     chosen = with_believed_noise(chosen, ship)
     declared = declared_effects(effects)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof, declared)

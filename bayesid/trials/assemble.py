@@ -79,12 +79,15 @@ def assemble(table: CsvTable, reading: Reading, name: str, manoeuvre: str, role:
         for key in list(values):
             if channel(key).rudder:
                 values[key] = -values[key]
+    known_from: dict[str, float] = {}
     groups: dict[str, dict[str, Floats]] = {kind: {} for kind in ("pose", "velocity", *_FILLED, "propulsion")}
     for key, array in values.items():
         row = channel(key)
         if row.circular and row.kind != "command":  # which way an order goes is the vehicle's affair
             array = unwrap(array)
         if row.kind in _FILLED:
+            if row.kind != "environment" and np.isnan(array[0]):
+                known_from[key] = float(t[np.argmax(np.isfinite(array))])
             array = _fill(t, array, row, notices)
         groups[row.kind][key] = array
     spare = [text for k, text in enumerate(table.names) if k not in used]
@@ -104,6 +107,7 @@ def assemble(table: CsvTable, reading: Reading, name: str, manoeuvre: str, role:
         extra=extra,
         notes=notes,
         warnings=tuple(notices),
+        known_from=known_from,
     )
 
 

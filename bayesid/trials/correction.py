@@ -150,10 +150,11 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, delay in correction.late.items():
         if name in series:
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
-    t, began = run.t, run.began
+    t, began, known_from = run.t, run.began, run.known_from
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
         began = None if began is None else float(t[0] + (began - t[0]) * correction.time_scale)
+        known_from = {k: float(t[0] + (at - t[0]) * correction.time_scale) for k, at in known_from.items()}
     if correction.wind != TRUE and set(series) >= WIND:
         speed, come = true_wind(correction.wind, t, series, run.name)
         series["wind_speed"], series["wind_from"] = speed, _unwrapped(come)
@@ -161,7 +162,8 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, values in series.items():
         groups[_GROUP[channel(name).kind]][name] = values
     note = "corrected: " + "; ".join(correction.lines())
-    return replace(run, t=t, began=began, provenance=run.provenance + (note,), **groups)
+    provenance = (*run.provenance, note)
+    return replace(run, t=t, began=began, known_from=known_from, provenance=provenance, **groups)
 
 
 def join(corrections: Sequence[Correction]) -> Correction | None:

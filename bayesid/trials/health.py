@@ -13,6 +13,7 @@ import numpy as np
 
 from bayesid.model.channels import ACTUATORS, channel
 from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
+from bayesid.trials.gaps import channel_gaps, gap_words, row_gaps
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.trial import Floats, Run
@@ -169,12 +170,12 @@ def _sampling(run: Run) -> list[str]:
     notices = []
     step = np.diff(run.t)
     usual = float(np.median(step))
-    gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
-    if gaps.size:
-        worst = gaps[np.argmax(step[gaps])]
-        word = "gap" if gaps.size == 1 else "gaps, the longest"
-        text = f"{gaps.size} {word} of {step[worst]:.3g} s after t = {run.t[worst]:.6g} s"
+    if gaps := row_gaps(run.t):
+        worst = max(gaps, key=lambda gap: gap.length)
+        word = "gap" if len(gaps) == 1 else "gaps, the longest"
+        text = f"{len(gaps)} {word} of {worst.length:.3g} s after t = {worst.first:.6g} s"
         notices.append(f"{text} (usual step {usual:.3g} s)")
+    notices += gap_words(channel_gaps(run))
     uneven = uneven_steps(step)
     joined = any(np.isnan(values).any() for values in run.data.values())  # channels of several rates
     if uneven is not None and not joined:

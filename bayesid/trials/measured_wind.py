@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.check import unread_areas
 from bayesid.trials.trial import Trial
-from bayesid.words import counted
+from bayesid.words import and_list, counted
 
-OF_WIND, GAIN = "wind.", "wind.gain"
+OF_WIND, GAIN, AREAS = "wind.", "wind.gain", "wind.area_coefficients"
 
 
 def in_measured_wind(vehicle: Vehicle, trial: Trial) -> Vehicle:
@@ -39,10 +40,7 @@ def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
         return None
     where = f"the wind of {counted(len(runs), 'run')} is measured"
     if not _catches_wind(vehicle):
-        return (
-            f"{where} and not simulated: {vehicle.name} states no areas the air pushes on (a ship of the MMG "
-            "model does)"
-        )
+        return f"{where} and {_on_assumed_areas(vehicle)}"
     gain = vehicle.effects.get(GAIN, 0.0)
     if gain == 0.0:
         return f"{where} and not simulated: [effects.wind] of {vehicle.name} has no gain"
@@ -50,6 +48,18 @@ def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
     return (
         f"{where} and acts on the vehicle, {strong} (`gain` of [effects.wind] in a vehicle file changes that)"
     )
+
+
+def _on_assumed_areas(vehicle: Vehicle) -> str:
+    """What a measured wind does to a vehicle that is no ship by MMG."""
+    if share := vehicle.effects.get(AREAS, 0.0):
+        return f"acts on {share:g} times the areas assumed of a low deck ({AREAS} of [effects])"
+    if unread := unread_areas(vehicle):
+        why = f"{and_list(unread)} of {vehicle.name} act in a ship of the MMG model only"
+    else:
+        why = f"{vehicle.name} states no areas the air pushes on (a ship of the MMG model does)"
+    mend = "; `area_coefficients = 1` in [effects.wind] lets it act on areas assumed"
+    return f"not simulated: {why}{mend * vehicle.planar_only}"  # one that dives is seldom in the wind
 
 
 def _measured(trial: Trial) -> list[str]:

@@ -17,6 +17,7 @@ from bayesid.model.channels import channel
 from bayesid.model.vehicles.orders import gathered, has_rudder, rudders_together
 from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
+from bayesid.trials.gaps import gaps_of
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from bayesid.trials.trial import Floats, Run, Trial, channels_of
@@ -36,7 +37,8 @@ def trial_summary(trial: Trial, vehicle: Vehicle | None = None) -> dict[str, Any
     Notes
     -----
     Keys: name, digest, vehicle, dof, runs (list), noise (per channel: stated, estimated, ratio), warnings.
-    Per run: samples, duration, dt (median, least, greatest), gaps, missing (share per channel), spikes,
+    Per run: samples, duration, dt (median, least, greatest), gaps (of `channels`, of all where these are
+    empty), missing (share per channel), spikes,
     ranges, rudder_of (inputs of which `rudder_deg` is the mean), checks (track, yaw, rudder). `noise` is the
     median over runs; estimated from the high-frequency rest, so a filtered log shows less and a fast vehicle
     sampled slowly shows more than its sensor noise."""
@@ -102,7 +104,7 @@ def trial_summary(trial: Trial, vehicle: Vehicle | None = None) -> dict[str, Any
 def _run(run: Run, noise: dict[str, float], vehicle: Vehicle | None) -> dict[str, Any]:
     step = np.diff(run.t)
     usual = float(np.median(step))
-    gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
+    gaps = gaps_of(run)
     found = {name: spikes(run.t, values, noise[name]) for name, values in run.data.items()}
     steered, rudder_of = _steered(run, vehicle)
     track, yaw, rudder = check_track(run), check_yaw(run), check_rudder(steered)
@@ -114,8 +116,8 @@ def _run(run: Run, noise: dict[str, float], vehicle: Vehicle | None) -> dict[str
         "samples": run.n_samples,
         "duration": run.duration,
         "dt": {"median": usual, "least": float(step.min()), "greatest": float(step.max())},
-        "gaps": [{"after": float(run.t[k]), "length": float(step[k])} for k in gaps[:20]],
-        "n_gaps": int(gaps.size),
+        "gaps": [{"after": g.first, "length": g.length, "channels": list(g.channels)} for g in gaps[:20]],
+        "n_gaps": len(gaps),
         "missing": {name: float(np.isnan(values).mean()) for name, values in run.data.items()},
         "spikes": {name: run.t[k[:20]].tolist() for name, k in found.items() if k.size},
         "n_spikes": {name: int(k.size) for name, k in found.items() if k.size},

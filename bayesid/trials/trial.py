@@ -104,8 +104,9 @@ class Run:
     provenance : how the run came from its file (windows, resampling)
     began : when the run began [s], of a part of one: from there effects that change with time count; None: at
         its first sample
-    single_noise : `noise` of the single readings where those of the runs are averages of them; else empty
-    digest : SHA-256 of everything above but warnings and notes, made when it is first asked for
+    known_from : input -> time of its first value [s], of those without one at the beginning; before it that
+        value stands
+    digest : SHA-256 of everything above but warnings, notes and `known_from`, made when it is first asked for
     """
 
     name: str
@@ -122,6 +123,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     provenance: tuple[str, ...] = ()
     began: float | None = None
+    known_from: Mapping[str, float] = field(default_factory=dict)
 
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
@@ -208,6 +210,7 @@ class Trial:
     warnings : what the reader noticed, with file names
     velocity_from_track : whether u and v are the logged track differentiated, where that is known from
         readings that were thinned since; None: ask the readings
+    single_noise : `noise` of the single readings where those of the runs are averages of them; else empty
     digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle), made when it is
         first asked for
     """

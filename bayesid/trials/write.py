@@ -92,6 +92,9 @@ def run_csv(run: Run) -> str:
     series: dict[str, Floats] = {}
     for group in ("data", "commands", "measured_inputs", "exogenous", "propulsion"):
         series |= getattr(run, group)
+    for name, first in run.known_from.items():
+        if name in series:
+            series[name] = np.where(run.t < first, np.nan, series[name])
     names = ["t", *sorted(series, key=_ORDER.__getitem__)]
     header = [f"{name}[{channel(name).unit}]" for name in names]
     columns = [run.t, *(series[name] for name in names[1:])]

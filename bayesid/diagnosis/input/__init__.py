@@ -8,6 +8,7 @@ Does not: weigh effects, or change a file.
 from bayesid.diagnosis.input.as_read import MOST_SAMPLES, as_read, checked_and_read
 from bayesid.diagnosis.input.check import check_trial, mended
 from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
+from bayesid.diagnosis.input.missing_orders import missing_orders, without_missing
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
 __all__ = [
@@ -17,6 +18,8 @@ __all__ = [
     "check_trial",
     "checked_and_read",
     "mended",
+    "missing_orders",
     "not_enough",
     "unmoved_inputs",
+    "without_missing",
 ]

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from bayesid.diagnosis.input.measured_wind import WindCheck, check_wind
 from bayesid.diagnosis.input.simulator_instead import (
     behaviour_of,
@@ -15,6 +17,7 @@ from bayesid.diagnosis.input.simulator_instead import (
     weighed_against_simulator,
 )
 from bayesid.diagnosis.input.single_fins import shown, single_fins
+from bayesid.diagnosis.input.steering import steering, steering_shown
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.errors import TrialError
@@ -56,7 +59,7 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         elif wind.finding is None:
             wind = check_wind(right, model)
             found = _with_wind(found, wind)
-        found = _with_fins(found, right, model)
+        found = _with_fins(_with_steering(found, right, model), right, model)
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
     return replace(found, remarks=() if wrong is None else (wrong,))
 
@@ -97,6 +100,16 @@ def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
     if wind.in_order:
         return replace(found, in_order=(*found.in_order, WIND_WORDS))
     return found if wind.untested else replace(found, unseen=(*found.unseen, WIND_WORDS))
+
+
+def _with_steering(found: InputCheck, right: Trial, model: Model) -> InputCheck:
+    """With the sign of named angles that steer, where the turns tell that it is right."""
+    columns = {name for one in steering(model) for name in (one, f"{one}_cmd")}
+    if any(f.correction is None or columns & set(f.channels) for f in found.findings):
+        return found
+    with np.errstate(all="ignore"):
+        told = steering_shown(model, right.identify)
+    return replace(found, in_order=(*found.in_order, told)) if told else found
 
 
 def _with_fins(found: InputCheck, right: Trial, model: Model) -> InputCheck:

@@ -60,7 +60,7 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
     """
     out = []
     runs = [replace(r, commands=spread(vehicle, r.commands, r.measured_inputs)) for r in trial.runs]
-    for name in _inputs(vehicle):
+    for name in inputs_of(vehicle):
         there = [run for run in runs if run.input(name) is not None]
         if not there:
             taken = "and in no run; it is taken as 0" if name != "n" else f"and {shaft_speed_words(vehicle)}"
@@ -70,7 +70,8 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _inputs(vehicle: Vehicle) -> list[str]:
+def inputs_of(vehicle: Vehicle) -> list[str]:
+    """What the forces of a vehicle depend on: fins with rows, the propeller, all named actuators."""
     fins = {"delta_r": "dr", "delta_s": "ds", "delta_b": "db"}
     turning = [fin for fin, short in fins.items() if any(short in n.partition("_")[2] for n in vehicle.coef)]
     planar = [f for f in turning if f == "delta_r" or not vehicle.planar_only]

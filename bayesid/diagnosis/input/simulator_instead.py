@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.diagnosis.input.single_fins import SINGLE, single_fins
-from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, steering, turn_after
+from bayesid.diagnosis.input.steering import RUDDER, steering
+from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, turn_after
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.simulator.mending import mended_model, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES
@@ -33,7 +34,7 @@ RUNS_COUNT_AS = 2.0  # independent observations, however many runs: they share o
 def behaviour_of(model: Model, runs: Sequence[Run], seen: bool = False) -> VehicleBehaviour:
     """The behaviour of a vehicle, as evidence in so many runs; `seen` as there."""
     named, needs = steering(model), dict(NEEDS)
-    if named != ("delta_r",):
+    if named != RUDDER:
         fins = {name for fin in named for name in (fin, f"{fin}_cmd")}
         needs |= {
             "turn": needs["turn"] | fins,

@@ -9,22 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from bayesid.diagnosis.input.pieces import SLIDE, change_between, line_at, speed_of, start_of
 from bayesid.diagnosis.input.single_fins import SINGLE, fins_density, mistakes_of_fins
+from bayesid.diagnosis.input.steering import RUDDER, sign_of_steering, with_rudder
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.model.vehicles.orders import missing_actuators, named_rudders, side_of, spread
+from bayesid.model.vehicles.orders import missing_actuators
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
-from bayesid.trials.correction import Correction
 from bayesid.trials.mistakes.signs import sign_evidence
-from bayesid.trials.mistakes.table import COMMON, Mistake
-from bayesid.words import and_list
+from bayesid.trials.mistakes.table import Mistake
 
 Array = np.ndarray
 
@@ -58,7 +57,7 @@ class VehicleBehaviour:
     weight : of one run: runs of one trial share the vehicle's errors and count as two together
     seen : whether a turn has to be seen: a simulator in question that scatters must not be excused by it
     needs : what is told -> channels that matter to it
-    steering : fins that turn it; named ones where it has no `delta_r`
+    steering : what turns it; named fins or angles of thrusts where it has no `delta_r`
     single : named fins asked one by one, as they turn, pitch and roll it together
     """
 
@@ -66,31 +65,15 @@ class VehicleBehaviour:
     weight: float = 1.0
     seen: bool = False
     needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
-    steering: tuple[str, ...] = ("delta_r",)
+    steering: tuple[str, ...] = RUDDER
     single: tuple[str, ...] = ()
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """Mistakes of channels that only this vehicle has: named fins with the opposite sign or exchanged."""
+        """Mistakes of channels that only this vehicle has: named fins or angles of
+        thrusts with the opposite sign, fins exchanged."""
         of_fins = mistakes_of_fins(self.model) if self.single else ()
-        if self.steering == ("delta_r",):
-            return of_fins
-        scale = {name: -1.0 for fin in self.steering for name in (fin, f"{fin}_cmd")}
-        many = len(self.steering) > 1
-        says = (
-            f"{'rudders' if many else 'rudder'} {and_list([n.removeprefix('delta_') for n in self.steering])}"
-        )
-        verb = "have" if many else "has"
-        name = f"sign of {', '.join(self.steering)}"
-        return (
-            Mistake(
-                name,
-                f"{says} {verb} the opposite sign, or `direction` in the vehicle file has",
-                Correction(scale=scale),
-                COMMON,
-            ),
-            *of_fins,
-        )
+        return of_fins if self.steering == RUDDER else (sign_of_steering(self.steering), *of_fins)
 
     def __call__(self, run: Run) -> dict[str, float]:
         """What is told -> log likelihood [nats]."""
@@ -116,13 +99,13 @@ class VehicleBehaviour:
                 # not weighted: how much a fin pushes is an error all runs share, to which side is none
                 told = fins_density(self.model, run, self.single)
                 out |= {} if told is None else {SINGLE: told}
-            if self.steering != ("delta_r",):  # the sign of that one the channels tell by themselves
-                signs = sign_evidence(_with_rudder(self.model, run, self.steering), ("rudder",))
+            if self.steering != RUDDER:  # the sign of that one the channels tell by themselves
+                signs = sign_evidence(with_rudder(self.model, run, self.steering), ("rudder",))
                 out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
                 # of a reading that contradicts its order the turn says which is right
                 for fin in self.steering:
                     if fin in run.measured_inputs and f"{fin}_cmd" in run.commands:
-                        alone = sign_evidence(_with_rudder(self.model, run, (fin,)), ("rudder",))
+                        alone = sign_evidence(with_rudder(self.model, run, (fin,)), ("rudder",))
                         out |= {turn_after(fin): alone["rudder"]} if "rudder" in alone else {}
         return {k: v for k, v in out.items() if math.isfinite(v)}
 
@@ -130,24 +113,6 @@ class VehicleBehaviour:
 def turn_after(fin: str) -> str:
     """What the turn tells of one named fin alone, as a key of what is told."""
     return f"turn after {fin}"
-
-
-def steering(model: Model) -> tuple[str, ...]:
-    """The fins that turn a vehicle: its rudder, or the named ones that push sideways where it has none."""
-    if "delta_r" not in missing_actuators(model.vehicle):
-        return ("delta_r",)
-    return tuple(f"delta_{name}" for name in named_rudders(model.vehicle)) or ("delta_r",)
-
-
-def _with_rudder(model: Model, run: Run, fins: Sequence[str]) -> Run:
-    """The run with named fins as one rudder, positive to port: their mean, each as it turns the vehicle; one
-    near the centre, which hardly turns it, is left out."""
-    side = {f"delta_{fin.name}": side_of(fin, model.scales["L"]) for fin in model.vehicle.fins}
-    run = replace(run, commands=spread(model.vehicle, run.commands, run.measured_inputs))
-    orders = [side[fin] * order for fin in fins if side.get(fin) and (order := run.input(fin)) is not None]
-    if not orders:
-        return run
-    return replace(run, commands={**run.commands, "delta_r_cmd": np.mean(orders, axis=0)})
 
 
 def _log_density(z: float) -> float:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_beside_simulation, steering
+from bayesid.diagnosis.input.steering import steering, steers_by_thrust
+from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_beside_simulation
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.trials import Run
@@ -52,8 +53,11 @@ def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
 
 
 def _gain(model: Model, run: Run) -> float | None:
+    columns = steering(model)
+    if steers_by_thrust(columns):  # how far their turns usually are off is not known
+        return None
     try:
-        found = fin_gains(model, run, steering(model), "psi")[0]
+        found = fin_gains(model, run, columns, "psi")[0]
     except BayesidError:
         return None
     if found is None or not found[0] > 0 or found[1] > SURE_TURN * found[0]:

@@ -13,12 +13,14 @@ import numpy as np
 
 from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS
+from bayesid.model.terms.mmg import AIR
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.orders import left_to_itself
 from bayesid.model.vehicles.stability import Stability, self_propulsion_speed, stability
 from bayesid.model.vehicles.units_check import added_mass_out_of_proportion, speed_far_from_stated
 from bayesid.model.vehicles.vehicle import GRAVITY, Vehicle, coef_si
+from bayesid.words import and_list
 
 #: rows whose sign is known for any body that is damped, of inertia, or steered as the convention says
 NEGATIVE = {
@@ -72,7 +74,7 @@ class Finding:
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Findings on signs, inertia, stability, potential flow, propulsion and priors; may be empty."""
     found = [Finding("warning", text) for text in mass_problems(vehicle)]
-    for part in (_size, _added_mass, _inertia, _signs, _fins, _propulsion, _weight):
+    for part in (_size, _added_mass, _inertia, _signs, _fins, _propulsion, _weight, _air):
         found += part(vehicle)
     with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
         found += _stability(stability(vehicle), vehicle)
@@ -197,6 +199,24 @@ def _weight(vehicle: Vehicle) -> list[Finding]:
         text = "the centre of gravity is not below that of buoyancy: the vehicle is unstable in roll at rest"
         found.append(Finding("warning", text, ()))
     return found
+
+
+def unread_areas(vehicle: Vehicle) -> list[str]:
+    """Keys on the areas the air pushes on that a file states and nothing reads."""
+    if vehicle.propulsion.model == "mmg":
+        return []
+    return [name for name in vehicle.dimensions if name in AIR]
+
+
+def _air(vehicle: Vehicle) -> list[Finding]:
+    if not (names := unread_areas(vehicle)):
+        return []
+    verb = "act" if len(names) > 1 else "acts"
+    text = (
+        f'{and_list(names)} {verb} only with `model = "mmg"` in [propulsion]; on this vehicle measured wind '
+        "acts by `area_coefficients` of [effects.wind], on areas that are assumed"
+    )
+    return [Finding("note", text)]
 
 
 def _stability(result: Stability, vehicle: Vehicle) -> list[Finding]:

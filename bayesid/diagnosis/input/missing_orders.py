@@ -1,0 +1,119 @@
+"""Inputs of the vehicle that a run lacks, wholly or at its beginning for long, while it would be simulated.
+
+Takes a trial and a vehicle. Gives sentences by run; empty where every run has what it is steered by.
+Does not: judge an input that no run logs (`unmoved_inputs` tells it), or one that rests at 0 in all others,
+as which it is simulated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from bayesid.diagnosis.input.enough import inputs_of
+from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.orders import has_rudder, spread, together
+from bayesid.trials import Run, Trial
+from bayesid.words import and_list, counted
+
+# Of a run, from which on an input unknown at its beginning is no longer what a logger that starts a moment
+# late leaves: held back from its first value, an order given at a third of a run turns the vehicle before it.
+LONG = 0.1
+SHOWN = 3  # runs that are named
+DIGITS = 12  # of a time: a log may count seconds from 1970 on
+
+
+def missing_orders(trial: Trial, vehicle: Vehicle) -> dict[str, str]:
+    """Run -> what it lacks and what to do, of runs that cannot be simulated as they were sailed.
+
+    Parameters
+    ----------
+    trial : as logged, held-out runs too
+    vehicle : whose forces depend on the inputs
+
+    Notes
+    -----
+    Without an order an actuator is simulated at rest, and before its first order with that one: a cause would
+    be named for what the log does not hold.
+    """
+    names = _asked(trial, vehicle)
+    columns = {run.name: {n: c for n in names if (c := _column(vehicle, run, n))} for run in trial.runs}
+    out = {}
+    for run in trial.runs:
+        lost = [n for n in names if n not in columns[run.name] and _moved(trial, vehicle, n)]
+        if lost:
+            out[run.name] = _whole(run, lost, columns)
+        elif late := _late(run, columns[run.name].values()):
+            out[run.name] = _beginning(run, late)
+    return out
+
+
+def without_missing(trial: Trial, vehicle: Vehicle) -> Trial:
+    """The trial without the runs that lack an order."""
+    lost = missing_orders(trial, vehicle)
+    return replace(trial, runs=tuple(run for run in trial.runs if run.name not in lost)) if lost else trial
+
+
+def _asked(trial: Trial, vehicle: Vehicle) -> list[str]:
+    names = inputs_of(vehicle)
+    if "delta_r" not in names and vehicle.propulsion.model == "mmg" and has_rudder(vehicle):
+        names.append("delta_r")
+    return [n for n in names if trial.dof == 6 or n not in ("delta_s", "delta_b")]
+
+
+def _column(vehicle: Vehicle, run: Run, name: str) -> str | None:
+    """The column an input of a run is read from; None where it has none."""
+    if name in run.measured_inputs:
+        return name
+    commons = (f"{common}_cmd" for common, moved in together(vehicle).items() if name in moved)
+    found = [c for c in (f"{name}_cmd", *commons) if c in run.commands]
+    return found[0] if found and np.isfinite(run.commands[found[0]]).any() else None
+
+
+def _moved(trial: Trial, vehicle: Vehicle, name: str) -> bool:
+    """Whether an input is other than 0 in any run."""
+    for run in trial.runs:
+        commands = spread(vehicle, run.commands, run.measured_inputs)
+        values = run.measured_inputs.get(name, commands.get(f"{name}_cmd"))
+        if values is not None and bool(np.any(np.nan_to_num(values) != 0.0)):
+            return True
+    return False
+
+
+def _late(run: Run, columns: Iterable[str]) -> dict[str, float]:
+    """Column -> time of its first value [s], of those that have none for long."""
+    out = {}
+    for column in dict.fromkeys(columns):
+        values = {**run.commands, **run.measured_inputs}[column]
+        first = float(run.t[np.argmax(np.isfinite(values))])
+        first = max(first, run.known_from.get(column, -math.inf))
+        if first - run.t[0] > LONG * run.duration:
+            out[column] = first
+    return out
+
+
+def _whole(run: Run, lost: list[str], columns: dict[str, dict[str, str]]) -> str:
+    there = {n: [r for r, of in columns.items() if n in of] for n in lost}
+    names = list(dict.fromkeys(columns[there[n][0]][n] for n in lost))
+    runs = [r for r in columns if any(r in there[n] for n in lost)]
+    others = and_list(runs) if len(runs) <= SHOWN else counted(len(runs), "other run")
+    many = len(names) > 1
+    return (
+        f"{run.name} has no {and_list(names)} (100 % missing), which {others} log{'s' * (len(runs) == 1)}: "
+        f"simulated, {'these' if many else 'it'} would be 0. Log {'them' if many else 'it'}, also where "
+        f"constant, or leave the run out: delete the [[runs]] table of {run.name} in trial.toml"
+    )
+
+
+def _beginning(run: Run, late: dict[str, float]) -> str:
+    begin = max(late.values())
+    share = 100.0 * (begin - float(run.t[0])) / run.duration
+    window = f"[{begin:.{DIGITS}g}, {float(run.t[-1]):.{DIGITS}g}]"
+    return (
+        f"{run.name} has no {and_list(list(late))} before t = {begin:.{DIGITS}g} s ({share:.0f} % of it): "
+        "simulated, the first value would be held from the beginning. Log what was ordered before, or read "
+        f"the run from there: window = {window} in the [[runs]] table of {run.name} in trial.toml"
+    )
