@@ -110,11 +110,11 @@ def test_every_effect_of_a_named_actuator_is_nothing_when_off_acts_when_on_and_i
     for ending in ("offset", "lag", "dead_time", "rate_limit"):
         of = [e for e in declared if e.name.endswith(f"_{ending}")]
         together = {
-            e.name for e in of if e.name.startswith(("twin_fins_", "thrusters_"))
+            e.name for e in of if e.name.startswith(("twin_fins_", "thrusters_", "nozzles_"))
         }  # beside those of each
         assert {e.needs for e in of if e.name not in together} == signals
         pushers = which in ("rudders", "waterjet") and ending != "offset"
-        assert len(together) == (which == "rudders") + pushers
+        assert len(together) == (which in ("rudders", "waterjet")) + pushers
     for effect in declared:
         p = effect.parameters[0]
         on = model.with_values({effect.key(p.name): p.off + model.prior_sd(effect.key(p.name))})

@@ -15,3 +15,14 @@ def test_every_effect_of_a_vehicle_is_of_the_catalogue_or_of_its_actuators(name)
     listed = {e.name for e in CATALOGUE}
     assert own - listed and all(of_named_actuator(n) for n in own - listed)
     assert not any(map(of_named_actuator, listed))
+
+
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("azimuths_port_stbd_offset", True), ("nozzles_1_2_3_lag", True), ("azimuth_bow_backlash", True),
+        ("nozzle_offset", False), ("azimuths_left_right_offset", False), ("twin_azimuths_1_2_lag", False),
+    ],
+)  # fmt: skip
+def test_common_effects_of_steering_are_of_named_actuators(name, named):
+    assert of_named_actuator(name) == named

@@ -4,7 +4,8 @@ Takes: the actuators of a vehicle file. Gives declarations as in the catalogue: 
 effects `thruster_bow_...`, an angle or bucket those of its column (`azimuth_bow_...`, `delta_1_...`). Twin
 rudders have one steering gear, or two of one type: what both have alike is one effect, `twin_fins_1_2_...`.
 More than two fins of one type, as of an X, have one supply beside: `fins_1_2_3_4_...`; so have thrusters of
-one type wherever they are, `thrusters_1_2_...`. Does not: say what may be wrong with one (`named_single`).
+one type wherever they are, `thrusters_1_2_...`. What turns azimuth thrusters or nozzles alike is one effect,
+`azimuths_port_stbd_...`, `nozzles_1_2_...`. Does not: say what may be wrong with one (`named_single`).
 """
 
 from __future__ import annotations
@@ -14,12 +15,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import astuple, replace
 
 from bayesid.model.actuators import Actuator, Fin, Pusher, kind_of
+from bayesid.model.actuators.declare import servo_names
 from bayesid.model.channels import ACTUATOR_NAMES, TURNED
 from bayesid.model.effects.declare import Effect
 from bayesid.model.effects.named_single import ALONE, of_fin, of_servo, of_shaft, share_of_force
 from bayesid.words import and_list
 
-_OF_NAMED = re.compile(rf"(thrusters?|(twin_)?fins|{'|'.join(TURNED)})_({'|'.join(ACTUATOR_NAMES)})_")
+_OF_NAMED = re.compile(rf"(thrusters?|(twin_)?fins|({'|'.join(TURNED)})s?)_({'|'.join(ACTUATOR_NAMES)})_")
 # what a common supply, or a common type, makes of all the fins of an X, or of all thrusters, at once
 _COMMON = ("lag", "dead_time", "rate_limit", "effectiveness", "gain")
 _RPM = 1000.0  # usual revolutions where none are stated
@@ -28,6 +30,8 @@ _PLURAL = {
     "The fin {} turns": "The fins {} turn",
     "The fin {} gives": "The fins {} give",
     "The fin {} is": "The fins {} are",
+    "The thruster {} turns": "The thrusters {} turn",
+    "The nozzle {} turns": "The nozzles {} turn",
     "Thruster {} follows its": "Thrusters {} follow their",
     "Thruster {} gives": "Thrusters {} give",
     "Thruster {} takes": "Thrusters {} take",
@@ -66,6 +70,12 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
         out += [effect for effect in _of_fins(fins) if effect.name.endswith(_COMMON)]
     for pushers in _one_type(actuators):
         out += [effect for effect in _of_shafts(pushers, rpm_ref or _RPM) if effect.name.endswith(_COMMON)]
+    beside = _steered(actuators, beside=True)
+    for pushers in beside:
+        out += _of_steering(pushers)
+    for pushers in _steered(actuators, beside=False):
+        if pushers not in beside:
+            out += [effect for effect in _of_steering(pushers) if effect.name.endswith(_COMMON)]
     return tuple(out)
 
 
@@ -133,6 +143,36 @@ def _one_type(actuators: Sequence[Actuator]) -> list[list[Pusher]]:
             nowhere = replace(one, name="", at=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0))
             alike.setdefault((one.kind, *astuple(nowhere)), []).append(one)
     return [group for group in alike.values() if len(group) > 1]
+
+
+def _steered(actuators: Sequence[Actuator], beside: bool) -> list[list[Pusher]]:
+    """Thrusters turned, or jets steered, with the same limit, rate and lag, two or more, whatever they push.
+
+    Parameters
+    ----------
+    beside : only such as stand beside each other, which one gear may turn
+    """
+    alike: dict[tuple[object, ...], list[Pusher]] = {}
+    for one in actuators:
+        if isinstance(one, Pusher) and (signal := _steering(one)):
+            x, _, z = one.at
+            where = (x, z, *map(abs, one.direction)) if beside else ()
+            turned = [one.constants[name] for name in servo_names(signal)]
+            alike.setdefault((one.kind, *turned, *where), []).append(one)
+    return [group for group in alike.values() if len(group) > 1]
+
+
+def _steering(pusher: Pusher) -> str:
+    """The column of the angle of an azimuth thruster or nozzle, "" for what does not turn."""
+    return next(iter(pusher.turned_by(pusher.shape)), "")
+
+
+def _of_steering(pushers: Sequence[Pusher]) -> list[Effect]:
+    """The effects of what turns an azimuth thruster or nozzle, on several by the same size."""
+    each = [of_servo(_steering(one), one.name) for one in pushers]
+    names, first = [one.name for one in pushers], _steering(pushers[0])
+    kind = first.partition("_")[0]
+    return _together(each, names, f"{kind}s_{'_'.join(names)}", f"{first}_")
 
 
 def _of_fins(fins: Sequence[Fin]) -> list[Effect]:
