@@ -25,6 +25,7 @@ from bayesid.model.vehicles.reading import BUILTIN_FOLDER
 from bayesid.model.vehicles.sufficient import lacking
 from bayesid.progress import Progress
 from bayesid.report.fit_effects import effect_words
+from bayesid.report.identify_first_screen import next_steps
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import load_trial, write_trial
 
@@ -222,3 +223,9 @@ def test_rows_made_of_freed_added_masses_are_freed_with_them_unless_they_are_kep
     assert "freed as well" in " ".join(said)
     kept = bayesid.fit(boat_trial(3), free="Y_vdot,N_r0", fix="N_v,X_vr,Y_r", pieces=15.0).found
     assert {"N_v", "X_vr"}.isdisjoint(kept.problem.params.names)
+
+
+def test_what_is_open_of_a_boat_is_not_sent_to_a_design_that_it_cannot_have():
+    open_ = SimpleNamespace(directions=(1,), structural=())
+    boat, sub = " ".join(next_steps(open_, vehicle=load_vehicle(BOAT))), " ".join(next_steps(open_))
+    assert "bayesid design" not in boat and "moves by itself" in boat and "bayesid design" in sub

@@ -212,7 +212,11 @@ class IdentifyResult(Result):
         lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
-        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, self.places))]
+        lines += [
+            "",
+            "Next:",
+            *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, self.places, self.vehicle)),
+        ]
         return "\n".join(lines)
 
     def _open(self, verbose: bool) -> list[str]:

@@ -30,6 +30,7 @@ from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.fit_form import form_rows_of
 from bayesid.report.fit_held import actuator_words, freeing_words, held_words
+from bayesid.report.manoeuvre_words import APART
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.words import counted, first_few
 
@@ -137,10 +138,8 @@ def next_steps(
             "first, then more from there)."
         )
     if any(d.decided_by != "prior" for d in found.fit.flat):
-        out.append(
-            "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design "
-            f"{places.fitted}`."
-        )
+        runs = f"a manoeuvre that tells: `bayesid design {places.fitted}`" if steers(found.vehicle) else APART
+        out.append(f"Keep what is known (`--free`, `--fix`), or run {runs}.")
     if not any(r.role == "holdout" for r in found.runs):
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:

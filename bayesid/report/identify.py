@@ -67,7 +67,7 @@ def identify_report(
         sections.insert(0, derived_section(*behaviour))
     return Report(
         f"What {literal(facts['trial'])} can tell", lead, sections,
-        first=screen.first_blocks(found, places),
+        first=screen.first_blocks(found, places, vehicle),
     )  # fmt: skip
 
 

@@ -10,8 +10,11 @@ import numpy as np
 from bayesid.analysis.identifiability import Derived, Identifiability
 from bayesid.analysis.identifiability.derived import UNITS
 from bayesid.diagnosis.plain_words import number
+from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.orders import steers
 from bayesid.places import NOWHERE, Places
 from bayesid.report import identify_figures as figures
+from bayesid.report.manoeuvre_words import APART
 from bayesid.report.writer import Block, Figure, Section, Text, literal
 from bayesid.words import first_few
 
@@ -71,13 +74,16 @@ def named(names: list[str]) -> str:
     return first_few(names, MOST_NAMED)
 
 
-def next_steps(found: Identifiability, places: Places = NOWHERE) -> list[str]:
-    """What to do about what is open."""
+def next_steps(found: Identifiability, places: Places = NOWHERE, vehicle: Vehicle | None = None) -> list[str]:
+    """What to do about what is open; no manoeuvre is designed for a vehicle that has no rudder."""
     if not found.directions:
         return [f"`bayesid fit {places.fitted}` gives the coefficients with intervals that hold singly."]
+    designed = vehicle is None or steers(vehicle)
     steps = [
         f"`bayesid design {places.fitted}` looks for the manoeuvre that shrinks what is open most, `bayesid "
-        f"compare {places.fitted}` says what each standard manoeuvre adds.",
+        f"compare {places.fitted}` says what each standard manoeuvre adds."
+        if designed
+        else f"Run {APART}.",
         "For a simulator of this vehicle in this kind of motion use all coefficients of one fit together; do "
         "not take single ones over to another vehicle.",
     ]
@@ -89,7 +95,9 @@ def next_steps(found: Identifiability, places: Places = NOWHERE) -> list[str]:
     return steps
 
 
-def first_blocks(found: Identifiability, places: Places = NOWHERE) -> list[Block]:
+def first_blocks(
+    found: Identifiability, places: Places = NOWHERE, vehicle: Vehicle | None = None
+) -> list[Block]:
     """The picture of coefficients, and what next."""
     share, contraction = (np.array([getattr(e, k) for e in found.entries]) for k in ("index", "contraction"))
     drawn = figures.index(found.names, share, contraction, [e.verdict for e in found.entries])
@@ -100,5 +108,5 @@ def first_blocks(found: Identifiability, places: Places = NOWHERE) -> list[Block
     )
     return [
         Figure("index", drawn, caption, alt="Share of the data per coefficient"),
-        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found, places)))]),
+        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found, places, vehicle)))]),
     ]

@@ -11,6 +11,9 @@ from collections.abc import Sequence
 from bayesid.analysis.design.compare import PlanningCase
 from bayesid.report.writer import Block, Text, literal
 
+# what to run with a vehicle whose manoeuvres cannot be designed
+APART = "tables of orders in which every actuator moves by itself (no manoeuvre is designed without a rudder)"
+
 
 def logger_words(case: PlanningCase) -> str:
     """The logger in one sentence."""
