@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from gap_trials import model_of, planted_trial
 
-from bayesid.api.diagnose import ready, threads_of
+from bayesid.api.diagnose import threads_of
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank
+from bayesid.diagnosis.input import as_read
 from bayesid.diagnosis.input import memory_needed as needed
 from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.regressor_columns import _kept
@@ -83,7 +84,7 @@ def several_runs(model):
 
 def test_a_diagnosis_computes_the_same_numbers_in_threads():
     model = model_of()
-    trial = ready(several_runs(model), model)
+    trial = as_read(several_runs(model), model)
     assert len(trial.identify) >= THREADS
 
     def computed():
