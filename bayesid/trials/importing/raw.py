@@ -117,20 +117,14 @@ class RawLog:
         object.__setattr__(self, "by_name", {c.name: c for c in self.channels})
 
 
-def thin_rows(
-    t: Floats, switching: Iterable[Floats], step: float, last: int | None
-) -> tuple[np.ndarray, int]:
-    """Rows to keep for one sample per `step`, and every row at which one of `switching` changes.
-
-    Parameters
-    ----------
-    last : bin of the row before these, as returned by the call for the rows before
-    """
+def thin_rows(t: Floats, switching: Iterable[Floats], step: float) -> np.ndarray:
+    """Rows to keep for one sample per `step`, and every row at which one of `switching` changes; of channels
+    that are all read in every row (others: `thinning`)."""
     bins = np.floor(np.nan_to_num(t) / step + 1e-9).astype(np.int64)
     keep = np.empty(t.shape, dtype=bool)
-    keep[0] = last is None or bins[0] != last
+    keep[0] = True
     keep[1:] = bins[1:] != bins[:-1]
     for values in switching:
         change = values[1:] != values[:-1]
         keep[1:] |= change & np.isfinite(values[1:])
-    return keep, int(bins[-1])
+    return keep

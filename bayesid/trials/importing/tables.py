@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesid.trials.importing import clocks
-from bayesid.trials.importing.raw import ImportLogError, RawChannel, Request, SourceOptions, thin_rows
+from bayesid.trials.importing.raw import ImportLogError, RawChannel, Request, SourceOptions
+from bayesid.trials.importing.thinning import Thinning
 from bayesid.trials.importing.unit_words import plain_unit, split_unit
 from bayesid.words import first_few
 
@@ -206,27 +207,29 @@ def channels_of(
     if not keep.any():
         raise ImportLogError(f"{where}: no cell of {choice.names[0]!r} is a time")
     rows = np.flatnonzero(keep)
+    read = {
+        name: values[rows].astype(float)
+        for name, values in columns.data.items()
+        if name not in choice.names and request.wants(name) and values.dtype.kind in "iufb"
+    }
     if request.step is not None:
-        switching = [columns.data[n][rows] for n in request.switching if n in columns.data]
-        kept, _ = thin_rows(t[rows], switching, request.step, None)
+        kept, read = Thinning(request).keep(t[rows], read)
         rows = rows[kept]
     if request.most is not None and rows.size > request.most:
-        rows = rows[:: int(np.ceil(rows.size / request.most))]
-    found = []
-    for name, values in columns.data.items():
-        if name in choice.names or not request.wants(name) or values.dtype.kind not in "iufb":
-            continue
-        found.append(
-            RawChannel(
-                name=name,
-                t=t[rows],
-                values=values[rows].astype(float),
-                unit=columns.unit(name),
-                role=columns.roles.get(name),
-                place=columns.places.get(name, f"column {name!r}"),
-                lost=columns.lost.get(name, 0),
-            )
+        stride = int(np.ceil(rows.size / request.most))
+        rows, read = rows[::stride], {name: values[::stride] for name, values in read.items()}
+    found = [
+        RawChannel(
+            name=name,
+            t=t[rows],
+            values=values,
+            unit=columns.unit(name),
+            role=columns.roles.get(name),
+            place=columns.places.get(name, f"column {name!r}"),
+            lost=columns.lost.get(name, 0),
         )
+        for name, values in read.items()
+    ]
     return found, stamps.start, stamps.words
 
 

@@ -54,7 +54,7 @@ def read_ulog(path: Path, options: SourceOptions, request: Request) -> RawLog:
         rows = np.arange(t.size)
         if request.step is not None and t.size:
             switching = [v for k, v in data.data.items() if f"{topic}.{k}" in request.switching]
-            rows = np.flatnonzero(thin_rows(t, switching, request.step, None)[0])
+            rows = np.flatnonzero(thin_rows(t, switching, request.step))
         if request.most is not None and rows.size > request.most:
             rows = rows[:: int(np.ceil(rows.size / request.most))]
         for key, values in data.data.items():

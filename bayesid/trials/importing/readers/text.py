@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from bayesid.trials.importing import clocks
-from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request, SourceOptions, thin_rows
+from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request, SourceOptions
 from bayesid.trials.importing.tables import Columns, choose_time, stamps_of
+from bayesid.trials.importing.thinning import Thinning
 from bayesid.trials.importing.unit_words import is_unit, plain_unit, split_unit
 
 PART = 100_000  # rows read at a time
@@ -252,7 +253,7 @@ class _Parts:
         self.choice: Any = None
         self.words = ""
         self.rows = 0
-        self.last: int | None = None
+        self.thinning = Thinning(request)
         self.dropped = 0
 
     def add(self, frame: Any) -> None:
@@ -276,14 +277,17 @@ class _Parts:
         good = np.isfinite(t)
         self.dropped += int((~good).sum())
         rows, t = rows[good], t[good]
+        read = {
+            name: values[rows].astype(float)
+            for name, values in data.items()
+            if name not in self.choice.names and self.request.wants(name) and values.dtype.kind in "iuf"
+        }
         if self.request.step is not None and t.size:
-            switching = [data[n][rows] for n in self.request.switching if n in data]
-            keep, self.last = thin_rows(t, switching, self.request.step, self.last)
-            rows, t = rows[keep], t[keep]
+            kept, read = self.thinning.keep(t, read)
+            t = t[kept]
         self.times.append(t)
-        for name, values in data.items():
-            if name not in self.choice.names and self.request.wants(name) and values.dtype.kind in "iuf":
-                self.kept.setdefault(name, []).append(values[rows].astype(float))
+        for name, values in read.items():
+            self.kept.setdefault(name, []).append(values)
 
     def _numbers(self, name: str, series: Any) -> np.ndarray:
         import pandas
