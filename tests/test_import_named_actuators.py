@@ -7,6 +7,7 @@ import pytest
 
 from bayesid.trials.importing import propose
 from bayesid.trials.importing.named_actuators import Steering, named_guess, sides_across
+from bayesid.trials.importing.proposing import lines_of_inputs
 from bayesid.trials.importing.raw import RawChannel
 from bayesid.trials.importing.seen_motion import motion_words
 from bayesid.trials.trial import Run
@@ -125,3 +126,13 @@ def test_a_turn_is_a_pull_out_where_the_rudder_is_amidships_for_long(tmp_path, a
     }  # fmt: skip
     logs = [_table(tmp_path, {"t": t}, columns, f"{k}.csv") for k in range(4)]  # each of them a run
     assert {run.manoeuvre for run in propose(logs).map.runs} == {words}
+
+
+def test_a_throttle_is_proposed_for_revolutions_and_one_steering_for_both_azimuths():
+    unused = ["throttle_port_pct", "throttle_stbd_pct", "steering_cmd_deg", "heading"]
+    lines = lines_of_inputs(["n_port", "azimuth_port", "azimuth_stbd"], unused)
+    assert lines[0].startswith('n_port_cmd = { from = "throttle_port_pct", scale = ..., unit = "rpm" }')
+    assert lines[1:] == ['azimuth_port_cmd = "steering_cmd_deg"', 'azimuth_stbd_cmd = "steering_cmd_deg"']
+    assert lines_of_inputs(["n_3"], ["Thruster 3 (rpm)", "Thruster 4 (rpm)"]) == [
+        'n_3_cmd = "Thruster 3 (rpm)"'
+    ]
