@@ -31,7 +31,7 @@ from bayesid.trials.stated import Stated  # noqa: E402
 
 WRITTEN = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if p.name != "importing.md")]
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_TABLE = re.compile(r"^`(\w+\.csv)`[^\n]*:\n\n```csv\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_TABLE = re.compile(r"^`(\w+\.csv)`[^\n]*:\n\n```none\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 # pages whose commands take seconds; those of the others take minutes
