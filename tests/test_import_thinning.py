@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from bayesid.trials.importing.raw import Request
+from bayesid.trials.importing.raw import Request, SourceOptions
+from bayesid.trials.importing.readers import read_log
+from bayesid.trials.importing.tables import Columns, channels_of, choose_time
 from bayesid.trials.importing.thinning import Thinning
 
 NAN = float("nan")
@@ -31,3 +33,22 @@ def test_channels_that_share_no_row_are_each_thinned_by_themselves(cut):
     was = t[~place][1:][np.diff(columns["order"][~place]) != 0]
     np.testing.assert_array_equal(changes, was)
     assert 20 <= ordered.sum() <= 23
+
+
+def test_the_first_row_stays_for_windows_count_from_it():
+    request = Request(frozenset({"x"}), step=1.0)
+    rows, data = Thinning(request).keep(np.array([0.0, 0.2, 0.4]), {"x": np.array([NAN, NAN, 3.0])})
+    assert list(rows) == [0, 2] and data["x"][1] == 3.0
+
+
+@pytest.mark.parametrize("as_text", [True, False])
+def test_a_file_whose_wanted_columns_are_empty_is_read(tmp_path, as_text):
+    request = Request(frozenset({"x"}), step=1.0)
+    if as_text:
+        (tmp_path / "log.csv").write_text("t,x\n0.0,\n0.5,\n2.5,\n")
+        found = dict(read_log(tmp_path / "log.csv", request=request).by_name)
+    else:
+        columns = Columns({"t": np.array([0.0, 0.5, 2.5]), "x": np.full(3, NAN)})
+        choice = choose_time(columns, SourceOptions(), "log")
+        found = {c.name: c for c in channels_of(columns, choice, request, "log")[0]}
+    assert all(not np.isfinite(c.values).any() for c in found.values())

@@ -22,6 +22,7 @@ class Thinning:
 
     def __init__(self, request: Request) -> None:
         self.request = request
+        self._begun = False
         self._step: dict[str, int] = {}
         self._value: dict[str, float] = {}
 
@@ -36,7 +37,10 @@ class Thinning:
         assert self.request.step is not None
         steps = np.floor(t / self.request.step + 1e-9).astype(np.int64)
         kept = {n: self._of(n, steps, v) for n, v in columns.items() if self.request.wants(n)}
-        rows = np.flatnonzero(np.logical_or.reduce(list(kept.values()))) if kept else np.arange(t.size)
+        some = np.zeros(t.size, dtype=bool)
+        some[:1] = not self._begun  # windows of runs count from the first row, whatever it holds
+        self._begun = True
+        rows = np.flatnonzero(np.logical_or.reduce([some, *kept.values()]))
         data = {n: np.where(own[rows], columns[n][rows], np.nan) for n, own in kept.items()}
         return rows, data
 
