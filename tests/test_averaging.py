@@ -99,6 +99,21 @@ def test_an_order_that_changes_all_the_time_jumps_when_it_did():
     assert held[switched - 1] == 0.0 and held[switched] == pytest.approx(-0.35, abs=1e-3)
 
 
+def test_an_order_that_jumps_all_the_time_is_held_at_its_mean():
+    """Steps of a controller that switches, in the noise of a measured pulse width."""
+    was, rng = straight(), np.random.default_rng(1)
+    order = np.where(rng.random(was.t.size) < 0.3, 0.2, 0.0) + 0.001 * rng.standard_normal(was.t.size)
+    run = averaged(trial_of([replace(was, commands={"delta_r_cmd": order})]), L_U, 500).runs[0]
+    assert run.t.size < 450
+
+
+def test_averages_know_what_a_single_reading_is_worth_whether_or_not_its_noise_is_stated():
+    out = averaged(trial_of([straight()], {"psi": 0.01}), L_U, 500)
+    single = out.of_single_readings({"psi": out.noise["psi"], "u": 1.0, "z": 1.0})
+    assert single["psi"] == pytest.approx(0.01) and single["u"] == pytest.approx(np.sqrt(10), rel=0.02)
+    assert single["z"] == 1.0
+
+
 def test_revolutions_that_change_with_every_sample_are_held_at_those_of_their_thrust():
     """A thruster that holds a depth goes ahead and astern; the mean of its revolutions is another thrust."""
     was = straight()

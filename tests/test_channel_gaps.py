@@ -60,3 +60,10 @@ def test_a_recorder_that_stops_is_one_gap_of_all_channels():
     keep = (run.t < 20.0) | (run.t > 50.0)
     run = Run("r1", "", "identify", run.t[keep], {k: v[keep] for k, v in run.data.items()})
     assert channel_gaps(run) == [] and [gap.channels for gap in gaps_of(run)] == [()]
+
+
+def test_a_recorder_that_stops_while_a_channel_is_lost_is_listed_beside_it():
+    run = log((("x",), 10.0, 60.0))
+    keep = (run.t < 20.0) | (run.t > 50.0)
+    run = Run("r1", "", "identify", run.t[keep], {k: v[keep] for k, v in run.data.items()})
+    assert [gap.channels for gap in gaps_of(run)] == [("x",), ()]

@@ -136,3 +136,10 @@ def test_a_throttle_is_proposed_for_revolutions_and_one_steering_for_both_azimut
     assert lines_of_inputs(["n_3"], ["Thruster 3 (rpm)", "Thruster 4 (rpm)"]) == [
         'n_3_cmd = "Thruster 3 (rpm)"'
     ]
+    percent = lines_of_inputs(
+        ["n_port", "bucket_1", "delta_1", "azimuth_bow"], ["throttle port [%]", "Steering"]
+    )
+    assert percent[0].startswith('n_port_cmd = { from = "throttle port [%]", scale = ..., unit = "rpm" }')
+    assert percent[1:] == ["bucket_1_cmd = ...", "delta_1_cmd = ...", 'azimuth_bow_cmd = "Steering"']
+    assert lines_of_inputs(["azimuth_bow"], ["wind angle", "roll angle"]) == ["azimuth_bow_cmd = ..."]
+    assert lines_of_inputs(["azimuth_bow"], ["wind angle"]) == ["azimuth_bow_cmd = ..."]

@@ -10,10 +10,13 @@ from thruster_plants import BOAT
 
 import bayesid
 from bayesid.api.check import check
-from bayesid.diagnosis.input import missing_orders
+from bayesid.diagnosis.input import checked_and_read, missing_orders
+from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
+from bayesid.model.actuators import Fin
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial, load_trial, resample, window, write_trial
+from bayesid.trials.correction import Correction, apply
 from bayesid.trials.frames import trial_from_frames
 
 T = np.arange(0.0, 60.0, 0.5)
@@ -126,3 +129,59 @@ def test_a_shaft_in_no_run_is_held_and_one_in_some_runs_is_asked_for():
 def test_the_rudder_of_a_ship_by_mmg_is_asked_for():
     ship, shaft = load_vehicle("esso_osaka_mmg"), {"n_cmd": np.full(T.size, 60.0)}
     assert list(missing_orders(of_ship({**shaft, "delta_r_cmd": 0.1 * SWING}, shaft), ship)) == ["r1"]
+
+
+def an_x():
+    """Four fins that obey rudder and planes together."""
+    sub = load_vehicle("lauv")
+    coef = {n: v for n, v in sub.coef.items() if "dr" not in n and "ds" not in n}
+    fins = tuple(
+        Fin(str(k), (-0.5, 0.06 * y, 0.06 * z), (0.0, -0.7071 * z, 0.7071 * y), F_uu=6.0)
+        for k, (y, z) in enumerate([(1, 1), (1, -1), (-1, -1), (-1, 1)], start=1)
+    )
+    return replace(sub, coef=coef, fins=fins)
+
+
+def test_of_an_x_each_of_two_common_orders_is_asked_for():
+    both = {"delta_r_cmd": 0.1 * SWING, "delta_s_cmd": 0.1 * np.sin(T), "n_cmd": np.full(T.size, 1000.0)}
+    rudder = {name: values for name, values in both.items() if name != "delta_s_cmd"}
+    late = {**both, "delta_s_cmd": np.where(T < 30.0, np.nan, 0.1)}
+    ship = an_x()
+    assert missing_orders(replace(of_ship(both, both), dof=6), ship) == {}
+    (told,) = missing_orders(replace(of_ship(both, rudder), dof=6), ship).values()
+    assert "run r1 has no delta_s_cmd (100 % missing), which r0 logs" in told
+    (told,) = missing_orders(replace(of_ship(both, late), dof=6), ship).values()
+    assert "run r1 has no delta_s_cmd before t = 30 s" in told
+    assert missing_orders(of_ship(both, rudder), ship) == {}  # in the plane nothing reads it
+
+
+def test_a_measurement_that_begins_late_beside_its_order_is_to_be_left_out():
+    whole = trial()
+    late = np.where(T < 20.0, np.nan, 700.0)
+    runs = (whole.runs[0], replace(whole.runs[1], measured_inputs={"n_port": late}), whole.runs[2])
+    (told,) = missing_orders(replace(whole, runs=runs), load_vehicle(BOAT)).values()
+    assert 'The order is logged: leave the measurement out, drop = ["n_port"] in [corrections]' in told
+
+
+def test_a_prediction_on_its_own_and_a_pack_stop_as_a_diagnosis_does():
+    lost = without_port("b")
+    with pytest.raises(TrialError, match="run b has no n_port_cmd"):
+        bayesid.predict(lost, "a")
+    with pytest.raises(TrialError, match="run b has no n_port_cmd"):
+        checked_and_read(lost, build_model(load_vehicle(BOAT), 3))
+
+
+@pytest.mark.parametrize(
+    ("correction", "known"),
+    [
+        (Correction(exchange=(("n_port_cmd", "n_stbd_cmd"),)), {"n_stbd_cmd": 20.0}),
+        (Correction(rename={"n_port_cmd": "n_1_cmd"}), {"n_1_cmd": 20.0}),
+        (Correction(drop=("n_port_cmd",)), {}),
+        (Correction(late={"n_port_cmd": 5.0}), {"n_port_cmd": 15.0}),
+        (Correction(time_scale=2.0), {"n_port_cmd": 40.0}),
+    ],
+)
+def test_when_an_order_is_known_goes_with_a_correction_of_its_column(correction, known):
+    run = trial(b={"n_port_cmd[rpm]": np.where(T < 20.0, np.nan, 700.0)}).runs[1]
+    assert dict(run.known_from) == {"n_port_cmd": 20.0}
+    assert dict(apply(correction, run).known_from) == known

@@ -8,11 +8,13 @@ import pytest
 import bayesid
 from bayesid.benchmark.protocol import solve_pack
 from bayesid.benchmark.protocol.commitment import digest_of_folder
-from bayesid.diagnosis.input import as_read
+from bayesid.diagnosis.input import as_read, checked_and_read
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial, write_trial
+from bayesid.trials.correction import Correction
+from bayesid.trials.mistakes.finding import InputCheck, InputFinding
 from studies.other_equations import verdicts
 
 NOISE = {"x": 0.1, "y": 0.1, "psi": 0.003, "u": 0.02, "v": 0.02, "r": 0.003}
@@ -76,3 +78,19 @@ def test_bands_of_a_dense_log_hold_its_single_readings(tmp_path):
     told = bayesid.predict(trial, held.name, model=tmp_path / "gap", draws=100).record()
     assert min(check["inside"] for check in told["band_checks"].values()) > 0.9
     assert not [text for text in told["failed_checks"] if "too narrow" in text or "names no cause" in text]
+
+
+def test_a_mistake_that_one_of_the_simulator_explains_is_left_to_the_diagnosis(bundle, monkeypatch):
+    logged, model = load_trial(bundle), build_model(load_vehicle("remus100"), 3)
+    mistake = InputFinding(
+        "sign of psi", "psi has the opposite sign", ("psi",), (logged.runs[0].name,), True, 1.0, (), 1.0, 0.0,
+        Correction(scale={"psi": -1.0}),
+    )  # fmt: skip
+    for found, sign in ((mistake, -1.0), (replace(mistake, instead=("sign of N_v",)), 1.0)):
+        stub = InputCheck(findings=(found,))
+        monkeypatch.setattr("bayesid.diagnosis.input.reading.check_trial", lambda *_, stub=stub: stub)
+        read, checked = checked_and_read(logged, model)
+        assert checked is stub
+        np.testing.assert_allclose(
+            read.runs[0].data["psi"], sign * as_read(logged, model).runs[0].data["psi"], atol=1e-12
+        )

@@ -23,7 +23,7 @@ from bayesid.api.inputs import (
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
-from bayesid.diagnosis.input import as_read, check_trial
+from bayesid.diagnosis.input import as_read, check_trial, missing_orders
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ManoeuvreError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
@@ -114,6 +114,9 @@ def predict(
     _refuse_unknown(logged, wanted)  # before a diagnosis of minutes
     found = _model(logged, model, out, vehicle, effects, seed, shown)
     logged = with_shaft_speed(logged, found.model.vehicle)
+    for name, text in missing_orders(logged, found.model.vehicle).items():
+        if name in wanted:
+            shown.note(text)
     if blown := wind_words(found.model.vehicle, logged):
         shown.note(blown)
     s = found.model.scales
@@ -178,6 +181,8 @@ def _model(
         return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
+    if lost := missing_orders(trial, model.vehicle):
+        raise TrialError(f"{trial.name}: {'; '.join(lost.values())}")
     checked = check_trial(trial, model)
     for text in checked.left_open:
         progress.note(f"but {text}")

@@ -37,7 +37,7 @@ def virtual_run(
     noise: Mapping[str, float] | None = None,
     rng: np.random.Generator | None = None,
 ) -> Run:
-    """Run one manoeuvre from a straight run at its first shaft speed and log every channel over ground.
+    """Run one manoeuvre from a straight run at its first orders and log every channel over ground.
 
     Parameters
     ----------

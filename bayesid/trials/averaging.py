@@ -84,9 +84,7 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
     )
     derived = velocity_from_track(runs)
     known = trial.velocity_from_track if trial.velocity_from_track is not None else derived
-    return replace(
-        out, velocity_from_track=known, warnings=(*trial.warnings, words), single_noise=dict(trial.noise)
-    )
+    return replace(out, velocity_from_track=known, warnings=(*trial.warnings, words))
 
 
 def _best(
@@ -146,17 +144,17 @@ def _averaged(trial: Trial, width: float, count: int, whole: float) -> tuple[Tri
                 return None
         runs.append(out)
         factors.append(held)
-    noise = dict(trial.noise)
-    for name in noise:
-        seen = [f[name] for f in factors if name in f]
-        if seen and max(seen) > (1.0 + SAME_RATE) * min(seen):
-            return None
-        if seen:
-            noise[name] /= np.sqrt(float(np.median(seen)))
+    names = {name for held in factors for name in held}
+    worth = {name: [held[name] for held in factors if name in held] for name in names}
+    if any(max(seen) > (1.0 + SAME_RATE) * min(seen) for name, seen in worth.items() if name in trial.noise):
+        return None
+    single = {name: float(np.sqrt(np.median(seen))) for name, seen in worth.items()}
+    noise = {name: sigma / single.get(name, 1.0) for name, sigma in trial.noise.items()}
     left = [
         _left(run, noise, f, width) for run, f in zip(runs, factors, strict=True) if run.role == "identify"
     ]
-    return replace(trial, runs=tuple(runs), noise=noise), max(left, default=0.0)
+    done = replace(trial, runs=tuple(runs), noise=noise, single_over_average=single)
+    return done, max(left, default=0.0)
 
 
 def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float], float]:
@@ -208,16 +206,22 @@ class _Grid:
             else:
                 self.held[name], self._means[name] = rate * worth, _unbent(mean, share)
                 self.kept = min(self.kept, worth)
-        switched = [
-            t[_jumps(values) if self._moving(moves := _moves(values)) else moves]
-            for values in run.commands.values()
-        ]
+        switched = [t[self._switches(values)] for values in run.commands.values()]
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
         extra += [_off(kept, times, BESIDE * width) for times in read]
         ends = t[[0, -1]] if kept.size < 2 else t[:0]
         self.t = np.unique(np.concatenate([kept, ends, *extra]))
         self._at = np.searchsorted(self.t, kept)
+
+    def _switches(self, values: Floats) -> np.ndarray:
+        """(n,) where an order is to switch as it did: where it changes; of one that does so all the time,
+        where it jumps, unless it jumps all the time too."""
+        moves = _moves(values)
+        if not self._moving(moves):
+            return moves
+        jumps = _jumps(values)
+        return jumps & (not self._moving(jumps))
 
     def _moving(self, moves: np.ndarray) -> bool:
         return bool(np.count_nonzero(moves) > HELD * self._middle.size)

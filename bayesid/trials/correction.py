@@ -150,7 +150,7 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, delay in correction.late.items():
         if name in series:
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
-    t, began, known_from = run.t, run.began, run.known_from
+    t, began, known_from = run.t, run.began, _known_from(correction, run)
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
         began = None if began is None else float(t[0] + (began - t[0]) * correction.time_scale)
@@ -164,6 +164,15 @@ def apply(correction: Correction, run: Run) -> Run:
     note = "corrected: " + "; ".join(correction.lines())
     provenance = (*run.provenance, note)
     return replace(run, t=t, began=began, known_from=known_from, provenance=provenance, **groups)
+
+
+def _known_from(correction: Correction, run: Run) -> dict[str, float]:
+    """When inputs are first known [s], by the names and on the clock that the correction gives them."""
+    known = {correction.rename.get(k, k): at for k, at in run.known_from.items() if k not in correction.drop}
+    for a, b in correction.exchange:
+        pair = {b: known.pop(a, None), a: known.pop(b, None)}
+        known |= {name: at for name, at in pair.items() if at is not None}
+    return {name: at - correction.late.get(name, 0.0) for name, at in known.items()}
 
 
 def join(corrections: Sequence[Correction]) -> Correction | None:

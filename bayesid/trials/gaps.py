@@ -68,15 +68,15 @@ def channel_gaps(run: Run) -> list[Gap]:
 
 
 def gaps_of(run: Run) -> list[Gap]:
-    """Those of all channels and of single ones, in time; those that overlap are one."""
+    """Those of all channels and of single ones, in time; those of single ones that overlap are one."""
     out: list[Gap] = []
-    for gap in sorted([*row_gaps(run.t), *channel_gaps(run)], key=lambda one: (one.first, one.last)):
+    for gap in sorted(channel_gaps(run), key=lambda one: (one.first, one.last)):
         if out and gap.first < out[-1].last:
             whole = out.pop()
             names = tuple(dict.fromkeys((*whole.channels, *gap.channels)))
             gap = Gap(whole.first, max(whole.last, gap.last), whole.usual, names)
         out.append(gap)
-    return out
+    return sorted([*row_gaps(run.t), *out], key=lambda one: (one.first, one.last))
 
 
 def gap_words(gaps: Sequence[Gap]) -> list[str]:

@@ -210,7 +210,8 @@ class Trial:
     warnings : what the reader noticed, with file names
     velocity_from_track : whether u and v are the logged track differentiated, where that is known from
         readings that were thinned since; None: ask the readings
-    single_noise : `noise` of the single readings where those of the runs are averages of them; else empty
+    single_over_average : channel -> noise of a single reading over that of the averages which the runs hold;
+        empty where they hold none
     digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle), made when it is
         first asked for
     """
@@ -227,7 +228,7 @@ class Trial:
     attribution: str = ""
     warnings: tuple[str, ...] = ()
     velocity_from_track: bool | None = None
-    single_noise: Mapping[str, float] = field(default_factory=dict)
+    single_over_average: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         where = f"trial {self.name!r}"
@@ -264,8 +265,7 @@ class Trial:
 
     def of_single_readings(self, noise: Mapping[str, float]) -> dict[str, float]:
         """Noise of averaged readings as that of the single ones they are made of; as it is where none are."""
-        single = {c: s / self.noise[c] for c, s in self.single_noise.items() if self.noise.get(c)}
-        return {c: s * single.get(c, 1.0) for c, s in noise.items()}
+        return {c: s * self.single_over_average.get(c, 1.0) for c, s in noise.items()}
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, Any], vehicle: Any = "", **stated: Any) -> Trial:

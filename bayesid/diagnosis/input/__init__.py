@@ -5,10 +5,10 @@ of the simulator would explain as well is said so.
 Does not: weigh effects, or change a file.
 """
 
-from bayesid.diagnosis.input.as_read import MOST_SAMPLES, as_read, checked_and_read
 from bayesid.diagnosis.input.check import check_trial, mended
 from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
 from bayesid.diagnosis.input.missing_orders import missing_orders, without_missing
+from bayesid.diagnosis.input.reading import MOST_SAMPLES, as_read, checked_and_read
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
 __all__ = [

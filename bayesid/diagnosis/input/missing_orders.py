@@ -7,6 +7,7 @@ as which it is simulated.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -40,13 +41,14 @@ def missing_orders(trial: Trial, vehicle: Vehicle) -> dict[str, str]:
     be named for what the log does not hold.
     """
     names = _asked(trial, vehicle)
-    columns = {run.name: {n: c for n in names if (c := _column(vehicle, run, n))} for run in trial.runs}
+    read = {run.name: {n: _columns(trial, vehicle, run, n) for n in names} for run in trial.runs}
     out = {}
     for run in trial.runs:
-        lost = [n for n in names if n not in columns[run.name] and _moved(trial, vehicle, n)]
+        there = dict.fromkeys(column for columns in read[run.name].values() for column in columns)
+        lost = [c for c in _wanted(trial, vehicle, run, read) if c not in there]
         if lost:
-            out[run.name] = _whole(run, lost, columns)
-        elif late := _late(run, columns[run.name].values()):
+            out[run.name] = _whole(run, lost, read)
+        elif late := _late(run, there):
             out[run.name] = _beginning(run, late)
     return out
 
@@ -64,13 +66,38 @@ def _asked(trial: Trial, vehicle: Vehicle) -> list[str]:
     return [n for n in names if trial.dof == 6 or n not in ("delta_s", "delta_b")]
 
 
-def _column(vehicle: Vehicle, run: Run, name: str) -> str | None:
-    """The column an input of a run is read from; None where it has none."""
+def _columns(trial: Trial, vehicle: Vehicle, run: Run, name: str) -> tuple[str, ...]:
+    """The columns an input of a run is read from, several common orders where they add up, as of an X."""
     if name in run.measured_inputs:
-        return name
-    commons = (f"{common}_cmd" for common, moved in together(vehicle).items() if name in moved)
-    found = [c for c in (f"{name}_cmd", *commons) if c in run.commands]
-    return found[0] if found and np.isfinite(run.commands[found[0]]).any() else None
+        return (name,)
+    if _known(run, f"{name}_cmd"):
+        return (f"{name}_cmd",)
+    commons = [f"{common}_cmd" for common, moved in together(vehicle).items() if name in moved]
+    flat = ("delta_s_cmd", "delta_b_cmd") if trial.dof == 3 else ()
+    return tuple(c for c in commons if c not in flat and _known(run, c))
+
+
+def _known(run: Run, column: str) -> bool:
+    return column in run.commands and bool(np.isfinite(run.commands[column]).any())
+
+
+def _wanted(
+    trial: Trial, vehicle: Vehicle, run: Run, read: dict[str, dict[str, tuple[str, ...]]]
+) -> list[str]:
+    """Columns a run needs since other runs log them: of an input it has no other of, the first one's; of one
+    that obeys common orders, all of these."""
+    out = []
+    for name, own in read[run.name].items():
+        others = [columns[name] for r, columns in read.items() if r != run.name and columns[name]]
+        if not own and others and _moved(trial, vehicle, name):
+            out += [others[0][0]]
+        commons = {f"{common}_cmd" for common in together(vehicle)}
+        if own and commons.issuperset(own):
+            beside = dict.fromkeys(c for columns in others for c in columns if c in commons)
+            out += [
+                c for c in beside if any(np.any(np.nan_to_num(r.commands.get(c, 0.0))) for r in trial.runs)
+            ]
+    return list(dict.fromkeys(out))
 
 
 def _moved(trial: Trial, vehicle: Vehicle, name: str) -> bool:
@@ -95,14 +122,12 @@ def _late(run: Run, columns: Iterable[str]) -> dict[str, float]:
     return out
 
 
-def _whole(run: Run, lost: list[str], columns: dict[str, dict[str, str]]) -> str:
-    there = {n: [r for r, of in columns.items() if n in of] for n in lost}
-    names = list(dict.fromkeys(columns[there[n][0]][n] for n in lost))
-    runs = [r for r in columns if any(r in there[n] for n in lost)]
+def _whole(run: Run, lost: list[str], read: dict[str, dict[str, tuple[str, ...]]]) -> str:
+    runs = [r for r, of in read.items() if any(c in columns for columns in of.values() for c in lost)]
     others = and_list(runs) if len(runs) <= SHOWN else counted(len(runs), "other run")
-    many = len(names) > 1
+    many, verb = len(lost) > 1, "logs" if len(runs) == 1 else "log"
     return (
-        f"{run.name} has no {and_list(names)} (100 % missing), which {others} log{'s' * (len(runs) == 1)}: "
+        f"run {run.name} has no {and_list(lost)} (100 % missing), which {others} {verb}: "
         f"simulated, {'these' if many else 'it'} would be 0. Log {'them' if many else 'it'}, also where "
         f"constant, or leave the run out: delete the [[runs]] table of {run.name} in trial.toml"
     )
@@ -112,8 +137,14 @@ def _beginning(run: Run, late: dict[str, float]) -> str:
     begin = max(late.values())
     share = 100.0 * (begin - float(run.t[0])) / run.duration
     window = f"[{begin:.{DIGITS}g}, {float(run.t[-1]):.{DIGITS}g}]"
+    measured = [c for c in late if c in run.measured_inputs and _known(run, f"{c}_cmd")]
+    if len(measured) == len(late):
+        left = json.dumps(measured)
+        mend = f"The order is logged: leave the measurement out, drop = {left} in [corrections], or read"
+    else:
+        mend = "Log what was ordered before, or read"
     return (
-        f"{run.name} has no {and_list(list(late))} before t = {begin:.{DIGITS}g} s ({share:.0f} % of it): "
-        "simulated, the first value would be held from the beginning. Log what was ordered before, or read "
-        f"the run from there: window = {window} in the [[runs]] table of {run.name} in trial.toml"
+        f"run {run.name} has no {and_list(list(late))} before t = {begin:.{DIGITS}g} s ({share:.0f} % of it):"
+        f" simulated, the first value would be held from the beginning. {mend} the run from there: window = "
+        f"{window} in the [[runs]] table of {run.name} in trial.toml"
     )

@@ -340,10 +340,10 @@ def _in_steps(channels: Sequence[RawChannel]) -> bool:
 
 
 _WORD = re.compile(r"[a-z]+|[0-9]+")
-# words of a series that is no angle of an actuator, of one that is, and of a share of full throttle
+# words of a series that is no angle of an actuator, of one that steers, and of one that may be any angle
 _OF_THRUST = frozenset({"throttle", "thrust", "rpm", "motor", "pwm", "power"})
-_OF_ANGLES = frozenset({"steer", "steering", "angle", "azimuth", "nozzle", "rudder", "helm", "tiller"})
-_SHARES = frozenset({"pct", "percent"})
+_STEERS = frozenset({"steer", "steering", "azimuth", "nozzle", "rudder", "helm", "tiller"})
+_OF_ANGLES = _STEERS | {"angle"}
 
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs: Sequence[str]) -> None:
@@ -393,7 +393,7 @@ def _longest(recordings: Sequence[Recording]) -> int:
 
 def lines_of_inputs(inputs: Sequence[str], unused: Sequence[str]) -> list[str]:
     """Line of [channels] per input: `n_3_cmd = "Thruster 3 (rpm)"`, where one series alone has its name and
-    none of the words of the other kind; one steering series may turn them all."""
+    none of the words of the other kind; one steering series may turn all azimuths or nozzles."""
     series = [(text, set(_WORD.findall(text.lower()))) for text in unused]
     out = []
     for name in inputs:
@@ -401,15 +401,15 @@ def lines_of_inputs(inputs: Sequence[str], unused: Sequence[str]) -> list[str]:
         turned = name.partition("_")[0] in TURNED
         against = _OF_THRUST if turned else _OF_ANGLES
         like = [text for text, words in series if own <= words and not against & words]
-        if turned and not like:
-            like = [text for text, words in series if _OF_ANGLES & words and not against & words]
+        if name.startswith(("azimuth_", "nozzle_")) and not like:  # one gear may turn them all
+            like = [text for text, words in series if _STEERS & words and not against & words]
         out.append(f"{name}_cmd = {_line_of(like[0], turned) if len(like) == 1 else '...'}")
     return out
 
 
 def _line_of(series: str, turned: bool) -> str:
     """A series as that of an angle or of revolutions; a throttle in percent asks for those at full."""
-    if turned or not _SHARES & set(_WORD.findall(series.lower())):
+    if turned or split_unit(series)[1] != "%":
         return toml_text(series)
     return (
         f'{{ from = {toml_text(series)}, scale = ..., unit = "rpm" }} (scale: rpm at full throttle over 100)'

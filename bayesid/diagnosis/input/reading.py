@@ -6,7 +6,9 @@ Takes a trial and a model. Gives the trial that `diagnosis.run.diagnose` is to b
 from __future__ import annotations
 
 from bayesid.diagnosis.input.check import check_trial, mended
+from bayesid.diagnosis.input.missing_orders import missing_orders
 from bayesid.equations.model import Model
+from bayesid.errors import TrialError
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial
 from bayesid.trials.condensing import condensed, thinned
@@ -29,8 +31,17 @@ def as_read(trial: Trial, model: Model, resample: float | None = None, trust_noi
 
 
 def checked_and_read(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
-    """The trial as read, mistakes that the check finds mended in memory, and what it found."""
+    """The trial as read where one verdict is wanted of every log, and what was found.
+
+    Mistakes of the log are mended in memory; those that one of the simulator explains better are left to the
+    diagnosis, which looks for it. One without a mend, where the command asks for another log, stays.
+
+    Raises
+    ------
+    TrialError
+        a run lacks an order
+    """
+    if lost := missing_orders(trial, model.vehicle):
+        raise TrialError(f"{trial.name}: {'; '.join(lost.values())}")
     checked = check_trial(trial, model)
-    if any(finding.correction is not None for finding in checked.findings):
-        trial = mended(trial, checked)
-    return as_read(trial, model), checked
+    return as_read(mended(trial, checked.of_log), model), checked
