@@ -140,6 +140,15 @@ def test_the_speed_of_a_wind_is_as_uncertain_as_the_areas_it_acts_on(of):
     assert back == pytest.approx({n: v.value for n, v in found.items()})
 
 
+def test_a_wind_of_no_speed_worth_telling_comes_from_no_direction():
+    """It was 0.2 m/s (-1.2 to 1.6) from 74 degrees (-279 to 427)."""
+    wind = next(e for e in EFFECTS if e.name == "wind")
+    found = {"blowing_north": Value(-0.05, 0.7, "m/s"), "blowing_east": Value(-0.2, 0.7, "m/s")}
+    told = Effect("wind", 1.0, contract("wind", found), {}, "", wind.says)
+    assert "0.2 m/s from any direction acts" in sentence(told)
+    assert intervals(told) == ["0.2 m/s (95 %: 0.0 to 1.6)", "any direction"]
+
+
 def test_what_a_report_says_to_simulate_with_is_what_a_simulation_takes():
     sizes = {"V_wind": Value(5.0, 0.5, "m/s"), "from": Value(0.6, 0.1, "rad")}
     found = replace(RESULT.effects[0], parameters=sizes)

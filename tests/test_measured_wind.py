@@ -10,6 +10,7 @@ import pytest
 
 from bayesid.api.check import check
 from bayesid.api.inputs import model_of, vehicle_of
+from bayesid.diagnosis.size_names import said_of
 from bayesid.equations.model import build_model
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.model.vehicles import check_vehicle, load_vehicle
@@ -111,16 +112,45 @@ def test_a_fit_tells_how_much_of_the_measured_wind_is_felt():
     assert "wind is as the vehicle file states (gain 1" in effect_words(right)[0]
 
 
-def test_areas_of_the_air_that_only_a_ship_by_mmg_reads_are_said_to_be_unread():
-    """A boat with `air_front` was told that it states no areas, and nothing was said of the key."""
+def boat_with(**areas):
+    return replace(load_vehicle("differential_boat"), dimensions=areas)
+
+
+def test_measured_wind_acts_on_any_vehicle_whose_file_states_its_areas():
+    """A boat with `air_front` was told that it states no areas; then that nothing reads them."""
     trial, boat = windy(), load_vehicle("differential_boat")
-    stated = replace(boat, dimensions={"air_front": 0.07, "air_side": 0.15})
-    (note,) = (f for f in check_vehicle(stated) if "air_front" in f.text)
-    assert note.level == "note" and 'air_front and air_side act only with `model = "mmg"`' in note.text
-    words = wind_words(stated, trial)
-    assert "air_front and air_side" in words and "states no areas" not in words
-    assert "area_coefficients = 1" in words and "states no areas" in wind_words(boat, trial)
-    for other in (boat, load_vehicle(SHIP)):
+    stated = in_measured_wind(boat_with(air_front=0.07, air_side=0.15), trial)
+    assert stated.effects == {"wind.gain": 1.0} and "as measured" in wind_words(stated, trial)
+    assert "area_coefficients = 1" in wind_words(boat, trial) and "states no areas" in wind_words(boat, trial)
+    assert in_measured_wind(boat, trial) is boat
+    diving = replace(load_vehicle("generic_sub"), dimensions={"air_front": 0.07, "air_side": 0.15})
+    assert in_measured_wind(diving, trial) is diving and "below the surface" in wind_words(diving, trial)
+    assert "as measured" in wind_words(replace(diving, effects={"wind.gain": 1.0}), trial)
+
+
+def test_the_wind_of_a_boat_that_states_areas_is_that_of_a_ship():
+    """Force abeam by the table of ships on the boat's own areas: Y = rho/2 A C_D V^2 with C_D = 0.70."""
+    boat = build_model(boat_with(air_side=0.15, air_front=0.07, air_centroid=0.1))
+    t, still = np.array([0.0, 0.01]), 0.0 * steady_start(boat)
+    plan = plan_run(boat, t, {f"n_{side}_cmd": np.zeros(2) for side in ("port", "stbd")})
+    blown = boat.with_values({"wind.blowing_east": -4.0})
+    rates = simulate(boat, blown, plan, still, full=True).states[-1] / 0.01
+    index, par = boat.index, boat.nominal
+    sway, turn = (rates[boat.states.index(s)] for s in "vr")
+    m, x_G = par[index["m"]], par[index["x_G"]]
+    force = (m - par[index["Y_vdot"]]) * sway + (m * x_G - par[index["Y_rdot"]]) * turn
+    moment = (par[index["Izz"]] - par[index["N_rdot"]]) * turn + (m * x_G - par[index["N_vdot"]]) * sway
+    expected = -0.5 * 1.2 * 0.15 * par[index["L"]] ** 2 * 0.70 * 16.0
+    assert force == pytest.approx(expected, rel=5e-3)
+    assert moment == pytest.approx(0.1 * par[index["L"]] * expected, rel=5e-3)
+
+
+def test_an_area_that_is_not_stated_beside_one_that_is_is_said_to_be_assumed():
+    (note,) = (f for f in check_vehicle(boat_with(air_front=0.07)) if "air_" in f.text)
+    assert note.level == "note" and "air_side = 0.058" in note.text
+    (note,) = (f for f in check_vehicle(boat_with(air_centroid=0.1)) if "air_" in f.text)
+    assert "acts only beside air_front and air_side" in note.text
+    for other in (boat_with(air_front=0.07, air_side=0.1), boat_with(), load_vehicle(SHIP)):
         assert not any("air_" in f.text for f in check_vehicle(other))
 
 
@@ -128,3 +158,14 @@ def test_a_measured_wind_that_acts_on_assumed_areas_is_said_to_act():
     boat = replace(load_vehicle("differential_boat"), effects={"wind.area_coefficients": 1.5})
     words = wind_words(boat, windy())
     assert "acts on 1.5 times the areas assumed" in words and "not simulated" not in words
+
+
+def test_where_a_wind_was_measured_its_sentence_tells_on_which_areas_it_acts():
+    """It told a wind of 0.07 m/s from somewhere where the measured wind explained all."""
+    boat = build_model(load_vehicle("differential_boat"))
+    wind = boat.effects["wind"]
+    assert "times the areas assumed" in said_of(wind, boat, ["blowing_north", "area_coefficients"])
+    assert said_of(wind, boat, ["blowing_north", "front"]) == wind.says
+    ship = build_model(load_vehicle(SHIP))
+    assert said_of(ship.effects["wind"], ship, ["blowing_north"]) == ship.effects["wind"].says
+    assert "not the measured one" in said_of(ship.effects["wind"], ship, ["gain"])

@@ -93,7 +93,8 @@ def _catalogue(path: Any, vehicle: str | None) -> tuple[tuple[Effect, ...], dict
     if vehicle is None:
         return (*CATALOGUE, *declared_effects(path)), {}
     found = load_vehicle(vehicle)
-    common, missing = catalogue_of(found.propulsion.model == "mmg"), missing_actuators(found)
+    common = catalogue_of(found.propulsion.model == "mmg", found.areas_stated)
+    missing = missing_actuators(found)
     idle = {e.name: "moves in the plane only" for e in common if found.planar_only and not e.acts_in(3)}
     idle |= {e.name: f"has no {e.needs}" for e in common if e.needs in missing}
     return (*common, *named_effects(found.actuators, found.rpm_ref), *declared_effects(path)), idle

@@ -36,6 +36,7 @@ _UNITS = {
     "-": (1.0, ""),
 }
 TIMES = {3.0: "three", 10.0: "ten"}
+ANY_DIRECTION = "any direction"
 UNLIMITED = 1e5  # degrees, or degrees a second, from which a limit is none
 Z95 = 1.96
 
@@ -78,7 +79,9 @@ def intervals(effect: Effect) -> list[str]:
             size = _length(effect, m[1]) if "," in m[1] else _size(effect, m[1], m[2])
         except KeyError:
             continue
-        if size.low < size.high and all(math.isfinite(x) for x in size):
+        if m[2] == "bearing" and _all_round(size):
+            out.append(ANY_DIRECTION)
+        elif size.low < size.high and all(math.isfinite(x) for x in size):
             factor, words = _unit(m[2])
             if "," in m[1]:
                 size = Size(*(factor * x for x in size))
@@ -98,6 +101,11 @@ def _aligned(size: Size) -> list[str]:
 def _places(size: Size) -> int:
     """Decimals that an interval asks for: two digits of its half width."""
     return 1 - math.floor(math.log10(0.5 * (size.high - size.low)))
+
+
+def _all_round(bearing: Size) -> bool:
+    """Whether an interval of directions [degrees] holds all of them."""
+    return bearing.high - bearing.low >= 360.0
 
 
 def probability(p: float) -> str:
@@ -169,7 +177,7 @@ def _place(effect: Effect, m: re.Match[str]) -> str:
     if unit.startswith("1/") and not size < UNLIMITED:
         return "any speed"
     if unit == "bearing":
-        return f"{size % 360:03.0f}{words}"
+        return ANY_DIRECTION if _all_round(whole) else f"{size % 360:03.0f}{words}"
     if positive is not None:
         return f"{_told(whole, abs(size))}{words} {positive if size >= 0 else negative}"
     if unit.startswith(("+", "-")) and len(unit) > 1:

@@ -6,10 +6,11 @@ Takes values. Wind is told as speed and direction and simulated by its component
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from bayesid.diagnosis.plain_words import Z95
 from bayesid.diagnosis.result_parts import Value
 from bayesid.equations.model import Model
 from bayesid.model.effects.declare import Effect, EffectParameter
@@ -33,10 +34,16 @@ def contract(
     came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
     form = (assumed or {}).get("blowing_north", 0.0) * speed
     return {
-        "V_wind": Value(speed, float(np.hypot(spread, form)), "m/s"),
+        "V_wind": _speed(speed, float(np.hypot(spread, form))),
         "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
         **{key: value for key, value in values.items() if not key.startswith("blowing")},
     }
+
+
+def _speed(value: float, sd: float) -> Value:
+    """A speed, which is not below nought, nor is its interval."""
+    reach = Z95 * sd
+    return Value(value, sd, "m/s", 0.0, value + reach) if reach > value else Value(value, sd, "m/s")
 
 
 def declared_sizes(name: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -58,10 +65,18 @@ def meanings(parameters: Sequence[EffectParameter]) -> dict[str, str]:
     return out
 
 
-def said_of(effect: Effect, model: Model) -> str:
-    """The sentence of a declaration beside what the simulator already has of the effect."""
+def said_of(effect: Effect, model: Model, told: Collection[str]) -> str:
+    """The sentence of a declaration beside what the simulator, or the log, already has of the effect.
+
+    Parameters
+    ----------
+    told : its parameters that the data tell: the areas of a wind only where one was measured
+    """
+    if not effect.says_over:
+        return effect.says
     has = any(model.nominal[model.index[effect.key(p.name)]] != p.off for p in effect.parameters)
-    return effect.says_over if has and effect.says_over else effect.says
+    more = in_sentence(effect, effect.says_over) - in_sentence(effect)
+    return effect.says_over if has or more & set(told) else effect.says
 
 
 def in_sentence(effect: Effect, says: str = "") -> frozenset[str]:

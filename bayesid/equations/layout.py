@@ -24,6 +24,7 @@ class KernelSpec:
         rudder behind a ship, and rows over its speed)
     sections : stations of the strip drag, 0 for none
     eta : whether the propeller-loading rows (group "eta") are present
+    air : whether the areas the air pushes on are stated; those of a ship always are, or assumed
     named : actuators beside rudder, planes and propeller
     """
 
@@ -31,6 +32,7 @@ class KernelSpec:
     propulsion: str = "quadratic"
     sections: int = 0
     eta: bool = False
+    air: bool = False
     named: tuple[Shape, ...] = ()
 
     @property
@@ -42,6 +44,8 @@ class KernelSpec:
             parts.append(f"strips{self.sections}")
         if self.eta:
             parts.append("eta")
+        if self.air:
+            parts.append("air")
         parts += [shape.title for shape in self.named]
         return "_".join(parts)
 
@@ -129,7 +133,9 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
     if spec.propulsion == "kt":
         names += KT if spec.dof == 3 else (*KT, *KT_TURNS)
     if spec.propulsion == "mmg":
-        names += (*GEOMETRY, *AIR)
+        names += GEOMETRY
+    if spec.propulsion == "mmg" or spec.air:
+        names += AIR
     if spec.eta:
         names.append("uc_per_rpm")
     for shape in spec.named:

@@ -259,6 +259,7 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
         propulsion=vehicle.propulsion.model if vehicle.propulsion.model in ("kt", "mmg") else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
+        air=vehicle.areas_stated and vehicle.propulsion.model != "mmg",
         named=tuple(a.shape for a in vehicle.actuators),
     )
 
@@ -319,6 +320,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
         values |= dict(zip(KT_TURNS, torque_curve(p), strict=True))  # read in six axes only
     if vehicle.propulsion.model == "mmg":
         values |= {name: vehicle.propulsion.values[name] for name in GEOMETRY}
+    if kernel.spec.propulsion == "mmg" or kernel.spec.air:
         values |= {name: vehicle.dimensions.get(name, usual) for name, usual in AIR.items()}
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height

@@ -101,7 +101,7 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
     ModelError
         if an effect's equation cannot be read; names the effect
     """
-    catalogue = (*catalogue_of(spec.propulsion == "mmg"), *(d.effect for d in declared))
+    catalogue = (*catalogue_of(spec.propulsion == "mmg", spec.air), *(d.effect for d in declared))
     module = _module(spec, catalogue)
     used = tuple(e for e in catalogue if e.acts_in(spec.dof))
     return Kernel(

@@ -113,5 +113,5 @@ def _effects(found: TrialFit) -> list[Effect]:
         }
         instead = {n: float(model.nominal[model.index[n]]) for n in declared.adjust if n in model.index}
         sizes = contract(name, known | values, {p.name: p.assumed for p in declared.parameters})
-        out.append(Effect(name, 1.0, sizes, says=said_of(declared, model), instead=instead))
+        out.append(Effect(name, 1.0, sizes, says=said_of(declared, model, values), instead=instead))
     return out

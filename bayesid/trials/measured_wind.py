@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.check import unread_areas
 from bayesid.trials.trial import Trial
-from bayesid.words import and_list, counted
+from bayesid.words import counted
 
 OF_WIND, GAIN, AREAS = "wind.", "wind.gain", "wind.area_coefficients"
 
@@ -19,8 +18,8 @@ OF_WIND, GAIN, AREAS = "wind.", "wind.gain", "wind.area_coefficients"
 def in_measured_wind(vehicle: Vehicle, trial: Trial) -> Vehicle:
     """The vehicle with the measured wind acting on it as measured, where nothing else is stated of wind.
 
-    Only a ship's file states the areas the air pushes on (`air_front`, `air_side`); `[effects.wind]` with a
-    `gain` of 0 keeps the wind away.
+    It acts on a ship by MMG, and on any other vehicle at the surface whose file states the areas the air
+    pushes on (`air_front`, `air_side`); `[effects.wind]` with a `gain` of 0 keeps the wind away.
     """
     if not _measured(trial) or not _catches_wind(vehicle) or _stated(vehicle):
         return vehicle
@@ -51,13 +50,13 @@ def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
 
 
 def _on_assumed_areas(vehicle: Vehicle) -> str:
-    """What a measured wind does to a vehicle that is no ship by MMG."""
+    """What a measured wind does to a vehicle whose areas are not stated, or that may be below the surface."""
     if share := vehicle.effects.get(AREAS, 0.0):
         return f"acts on {share:g} times the areas assumed of a low deck ({AREAS} of [effects])"
-    if unread := unread_areas(vehicle):
-        why = f"{and_list(unread)} of {vehicle.name} act in a ship of the MMG model only"
-    else:
-        why = f"{vehicle.name} states no areas the air pushes on (a ship of the MMG model does)"
+    if vehicle.areas_stated:
+        why = f"{vehicle.name} may be below the surface"
+        return f"not simulated: {why}; `gain = 1` in [effects.wind] lets it act"
+    why = f"{vehicle.name} states no areas the air pushes on (air_front and air_side in [vehicle])"
     mend = "; `area_coefficients = 1` in [effects.wind] lets it act on areas assumed"
     return f"not simulated: {why}{mend * vehicle.planar_only}"  # one that dives is seldom in the wind
 
@@ -71,4 +70,6 @@ def _stated(vehicle: Vehicle) -> bool:
 
 
 def _catches_wind(vehicle: Vehicle) -> bool:
-    return vehicle.propulsion.model == "mmg"
+    return vehicle.propulsion.model == "mmg" or (
+        vehicle.areas_stated and (vehicle.planar_only or vehicle.effects.get(GAIN, 0.0) != 0.0)
+    )

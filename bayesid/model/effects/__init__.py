@@ -9,7 +9,7 @@ import importlib
 import pkgutil
 
 from bayesid.model.effects.declare import PORTS, Effect, EffectParameter, InputStage, State
-from bayesid.model.effects.of_ships import SHIP_EFFECTS
+from bayesid.model.effects.of_ships import SHIP_EFFECTS, WIND_ON_AREAS
 
 __all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "State", "catalogue_of"]
 
@@ -27,10 +27,11 @@ def _collect() -> tuple[Effect, ...]:
 CATALOGUE: tuple[Effect, ...] = _collect()
 
 
-def catalogue_of(ship: bool) -> tuple[Effect, ...]:
-    """The catalogue of a vehicle; a ship by the MMG method has its own declarations of some effects.
+def catalogue_of(ship: bool, air: bool = False) -> tuple[Effect, ...]:
+    """The catalogue of a vehicle; a ship by the MMG method has its own declarations of some effects, and any
+    vehicle that states the areas the air pushes on (`air`) has its wind.
 
     The names stay: who asks for `wind` gets that of the vehicle.
     """
-    own = {e.name: e for e in SHIP_EFFECTS} if ship else {}
+    own = {e.name: e for e in (SHIP_EFFECTS if ship else (WIND_ON_AREAS,) if air else ())}
     return tuple(own.get(e.name, e) for e in CATALOGUE)

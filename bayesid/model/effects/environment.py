@@ -2,7 +2,7 @@
 
 from bayesid.model.effects.declare import Effect, EffectParameter
 
-# Air drag on 3 % of L^2 ahead and 10 % abeam at a yaw arm of L/20: a low deck, scaled by `area`.
+# Air drag on 3 % of L^2 ahead and 10 % abeam at a yaw arm of L/20: a low deck, where a file states no areas.
 _AX, _AY, _ARM = 0.03, 0.10, 0.05
 _RHO_AIR = 1.2
 # Areas are known to a factor of two (sd .7 of their logarithm); a speed found from the force goes
@@ -17,9 +17,11 @@ def air_force(axis: str, north: str, east: str) -> str:
         a = f"(({north})*cos(psi) + ({east})*sin(psi) - ug)"
         b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
         speed = f"sqrt({a}*{a} + {b}*{b})"
-        return {"X": f"{_AX}*{a}*{speed}", "Y": f"{_AY}*{b}*{speed}", "N": f"{_AY * _ARM}*L*{b}*{speed}"}[
-            axis
-        ]
+        return {
+            "X": f"{_AX}*(1 + front)*{a}*{speed}",
+            "Y": f"{_AY}*{b}*{speed}",
+            "N": f"{_AY}*({_ARM} + centre)*L*{b}*{speed}",
+        }[axis]
 
     return f"0.5*{_RHO_AIR}*L*L*({drag(north, east)} - {drag('0', '0')})"
 
@@ -56,6 +58,8 @@ EFFECTS = (
     Effect(
         name="wind",
         says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
+        says_over="The measured wind acts on {area_coefficients:-} times the areas assumed of a low deck, "
+        "and {V_wind:m/s} from {from:bearing} beside it.",
         at_surface=True,
         family="earth_force",
         port="force",
@@ -79,15 +83,32 @@ EFFECTS = (
                 "area_coefficients",
                 "-",
                 0.7,
+                mean=1.0,
                 one_sided=True,
                 about="exposed areas over the assumed ones, measured wind",
+            ),
+            EffectParameter(
+                "front",
+                "-",
+                0.5,
+                low=-1,
+                shape=True,
+                about="area ahead beyond that assumed beside the one abeam, its share",
+            ),
+            EffectParameter(
+                "centre",
+                "-",
+                0.05,
+                shape=True,
+                about="centre of the side force before that assumed, over L",
             ),
         ),
         force={"X": _wind("X"), "Y": _wind("Y"), "N": _wind("N")},
         source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
         magnitude="first-order for surface models in the open",
         form="Quadratic in the air that passes the hull; 3 % of L^2 exposed ahead and 10 % abeam, at a "
-        "yaw arm of L/20; heel, trim and depth are left out.",
+        "yaw arm of L/20, the first and the last uncertain; heel, trim and depth are left out. A vehicle "
+        "whose file states its areas (`air_front`, `air_side`) has coefficients over the direction instead.",
     ),
     Effect(
         name="trim_weight",

@@ -1,6 +1,7 @@
 """Effects a ship by the MMG method has in a form of its own: wind, and a rudder that is stronger to one side.
 
-Wind: coefficients over the direction of the relative wind, measured wind as an uncertain input.
+Wind: coefficients over the direction of the relative wind, measured wind as an uncertain input; of every
+vehicle that states the areas the air pushes on.
 """
 
 from dataclasses import replace
@@ -59,43 +60,42 @@ _ASYMMETRY = replace(
     form="Force and moment of the rudder, more where it pushes the stern to starboard and less to port.",
 )
 
-#: in place of the effects of the same names in the catalogue
-SHIP_EFFECTS = (
-    _ASYMMETRY,
-    Effect(
-        name="wind",
-        says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
-        says_over="The wind that acts is not the measured one: {gain:-} times that, and {V_wind:m/s} from "
-        "{from:bearing} beside it.",
-        family="earth_force",
-        port="force",
-        where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
-        parameters=(
-            EffectParameter("blowing_north", "m/s", 2.0, about="air to the north beyond the measured"),
-            EffectParameter("blowing_east", "m/s", 2.0, about="air to the east beyond the measured"),
-            EffectParameter(
-                "gain", "-", 1.0, one_sided=True,
-                about="speed at the hull over the measured one: anemometer, its height and its place",
-            ),
-            EffectParameter("vane_zero", "rad", 0.15, low=-1, high=1, about="zero of the vane, added to it"),
-            EffectParameter("side", "-", 0.3, low=-1, about="side force beyond that of the table, its share"),
-            EffectParameter("front", "-", 0.3, low=-1, about="drag beyond that of the table, its share"),
-            EffectParameter("centre", "-", 0.05, about="centre of the side force before that stated, over L"),
-            EffectParameter(
-                "centre_moves", "-", 0.4, low=-1, about="how far it moves with direction, beyond the table"
-            ),
-            EffectParameter(
-                "water", "-", 0.015, low=-0.05, high=0.05,
-                about="velocity of the water at the hull over that of the air, which drives the surface",
-            ),
+WIND_ON_AREAS = Effect(
+    name="wind",
+    says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
+    says_over="The wind that acts is not the measured one: {gain:-} times that, and {V_wind:m/s} from "
+    "{from:bearing} beside it.",
+    family="earth_force",
+    port="force",
+    where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
+    parameters=(
+        EffectParameter("blowing_north", "m/s", 2.0, about="air to the north beyond the measured"),
+        EffectParameter("blowing_east", "m/s", 2.0, about="air to the east beyond the measured"),
+        EffectParameter(
+            "gain", "-", 1.0, one_sided=True,
+            about="speed at the hull over the measured one: anemometer, its height and its place",
         ),
-        flow={axis: f"water*({air})" for axis, air in _BLOWING.items()},
-        force={axis: _wind(axis) for axis in "XYN"},
-        source="Blendermann (1994), J. Wind Eng. Ind. Aerodyn. 51, 339-351, loaded tanker; less still air",
-        magnitude="first-order for surface models in the open",
-        form="Drag, side force and moment over the direction of the relative wind on the areas of the "
-        "vehicle file: wind from ahead pushes the bow, from astern the stern. Measured wind is not filtered. "
-        "The water at the hull may go with a share of the wind: 2 to 3 % at the very surface (Wu 1983, J. "
-        "Phys. Oceanogr. 13, 1441), less over the draught.",
+        EffectParameter("vane_zero", "rad", 0.15, low=-1, high=1, about="zero of the vane, added to it"),
+        EffectParameter("side", "-", 0.3, low=-1, about="side force beyond that of the table, its share"),
+        EffectParameter("front", "-", 0.3, low=-1, about="drag beyond that of the table, its share"),
+        EffectParameter("centre", "-", 0.05, about="centre of the side force before that stated, over L"),
+        EffectParameter(
+            "centre_moves", "-", 0.4, low=-2, about="how far it moves with direction, beyond the table"
+        ),
+        EffectParameter(
+            "water", "-", 0.015, low=-0.05, high=0.05,
+            about="velocity of the water at the hull over that of the air, which drives the surface",
+        ),
     ),
+    flow={axis: f"water*({air})" for axis, air in _BLOWING.items()},
+    force={axis: _wind(axis) for axis in "XYN"},
+    source="Blendermann (1994), J. Wind Eng. Ind. Aerodyn. 51, 339-351, loaded tanker; less still air",
+    magnitude="first-order for surface models in the open",
+    form="Drag, side force and moment over the direction of the relative wind on the areas of the "
+    "vehicle file: wind from ahead pushes the bow, from astern the stern. Measured wind is not filtered. "
+    "The water at the hull may go with a share of the wind: 2 to 3 % at the very surface (Wu 1983, J. "
+    "Phys. Oceanogr. 13, 1441), less over the draught.",
 )  # fmt: skip
+
+#: in place of the effects of the same names in the catalogue
+SHIP_EFFECTS = (_ASYMMETRY, WIND_ON_AREAS)

@@ -55,6 +55,7 @@ VARYING = (
         _of(environment.EFFECTS),
         {axis: environment.air_force(axis, _NORTH, _EAST) for axis in "XYN"},
         environment.AREAS_SD,
+        ("front", "centre"),
     ),
 )
 #: areas and coefficients of a ship

@@ -112,6 +112,7 @@ GEOMETRY = ("D_P", "H_R", "A_R", "x_R")
 #: above the water, from [vehicle]: exposed areas ahead and abeam over L^2, centroid of the latter before
 #: midship over L; of a file that states none, the larger of the built-in tankers
 AIR = {"air_front": 0.015, "air_side": 0.058, "air_centroid": 0.0}
+AREAS = ("air_front", "air_side")
 
 
 def _acts_in(name: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS
-from bayesid.model.terms.mmg import AIR
+from bayesid.model.terms.mmg import AIR, AREAS
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.orders import left_to_itself
@@ -201,22 +201,19 @@ def _weight(vehicle: Vehicle) -> list[Finding]:
     return found
 
 
-def unread_areas(vehicle: Vehicle) -> list[str]:
-    """Keys on the areas the air pushes on that a file states and nothing reads."""
-    if vehicle.propulsion.model == "mmg":
-        return []
-    return [name for name in vehicle.dimensions if name in AIR]
-
-
 def _air(vehicle: Vehicle) -> list[Finding]:
-    if not (names := unread_areas(vehicle)):
-        return []
-    verb = "act" if len(names) > 1 else "acts"
-    text = (
-        f'{and_list(names)} {verb} only with `model = "mmg"` in [propulsion]; on this vehicle measured wind '
-        "acts by `area_coefficients` of [effects.wind], on areas that are assumed"
-    )
-    return [Finding("note", text)]
+    """What a file that states some of what the air pushes on leaves to be assumed."""
+    missing = [name for name in AREAS if name not in vehicle.dimensions]
+    if vehicle.areas_stated and missing:
+        assumed = f"{missing[0]} = {AIR[missing[0]]:g}, of a loaded tanker, is assumed: it is not stated"
+        return [Finding("note", assumed)]
+    if (
+        "air_centroid" in vehicle.dimensions
+        and not vehicle.areas_stated
+        and vehicle.propulsion.model != "mmg"
+    ):
+        return [Finding("note", f"air_centroid acts only beside {and_list(AREAS)}, which are not stated")]
+    return []
 
 
 def _stability(result: Stability, vehicle: Vehicle) -> list[Finding]:

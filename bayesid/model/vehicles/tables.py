@@ -26,8 +26,8 @@ _SIZES = {
     "diameter": "m, hull",
     "scale": "of the model",
     "prime_draught": "m, draught of primes over L d instead of L^2",
-    "air_front": "area exposed to wind from ahead over L^2, of a ship with the mmg model",
-    "air_side": "area exposed to wind abeam over L^2, of a ship with the mmg model",
+    "air_front": "area exposed to wind from ahead over L^2",
+    "air_side": "area exposed to wind abeam over L^2",
     "air_centroid": "centroid of that area before midship over L",
     "wind_average": "s, over which the vehicle takes the mean of a measured wind; 0: every gust",
 }

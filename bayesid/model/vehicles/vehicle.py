@@ -16,6 +16,7 @@ import numpy as np
 from bayesid.model.actuators import Actuator, Fin, Pusher
 from bayesid.model.propulsion import propulsion_rows
 from bayesid.model.terms import Term, term
+from bayesid.model.terms.mmg import AREAS
 
 GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
 FINS = ("delta_r", "delta_s", "delta_b")
@@ -128,6 +129,11 @@ class Vehicle:
     def actuators(self) -> tuple[Actuator, ...]:
         """Those of [actuators.NAME]."""
         return (*self.thrusters, *self.fins)
+
+    @property
+    def areas_stated(self) -> bool:
+        """Whether the file states an area that the air pushes on."""
+        return any(self.dimensions.get(name, 0.0) > 0.0 for name in AREAS)
 
     @property
     def main_shafts(self) -> tuple[Pusher, ...]:
