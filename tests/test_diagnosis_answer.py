@@ -145,8 +145,8 @@ def test_a_wind_of_no_speed_worth_telling_comes_from_no_direction():
     wind = next(e for e in EFFECTS if e.name == "wind")
     found = {"blowing_north": Value(-0.05, 0.7, "m/s"), "blowing_east": Value(-0.2, 0.7, "m/s")}
     told = Effect("wind", 1.0, contract("wind", found), {}, "", wind.says)
-    assert "0.2 m/s from any direction acts" in sentence(told)
-    assert intervals(told) == ["0.2 m/s (95 %: 0.0 to 1.6)", "any direction"]
+    assert "0.21 m/s from any direction acts" in sentence(told)
+    assert intervals(told) == ["0.21 m/s (95 %: 0.00 to 1.58)", "any direction"]
 
 
 def test_what_a_report_says_to_simulate_with_is_what_a_simulation_takes():
