@@ -43,7 +43,7 @@ def world(w):
         where_after=None if w["after"] is None else place(w["after"]),
         ambiguity=SimpleNamespace(names=tuple(FAMILY), absorbed=w["absorbed"], detect=w["detect"]),
         thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=w["conflict"]),
-        carried=0.0, carried_beside=0.0, form_instead=np.inf, error=FormError(), sets={},
+        carried=0.0, carried_beside=0.0, form_instead=np.inf, error=FormError(), sets={}, off=(), stand=(),
     )  # fmt: skip
     problem = SimpleNamespace(
         model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),
@@ -73,6 +73,7 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
         "leeway": False,
         "form": False,
         "of_motion": False,
+        "moved": False,
         "covered": False,
         "others_covered": False,
         "over_motion": np.inf,
@@ -177,7 +178,7 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
         candidate(("a", "c"), both, 1.0, True),
         *(candidate((n,), g, 1.0, True) for n, g in alone.items()),
     )
-    comparison = SimpleNamespace(refits=refits, none=candidate((), 0.0, 1.0, True))
+    comparison = SimpleNamespace(refits=refits, none=candidate((), 0.0, 1.0, True), off=())
     model = SimpleNamespace(effects=dict.fromkeys("abcd"))
     problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
     assert facts._covered(problem, comparison, refits[0], Kinematics()) == (within, together)
@@ -201,7 +202,7 @@ def test_what_a_resonance_carries_is_not_held_against_a_cause_that_lasts(monkeyp
     }.items():
         monkeypatch.setattr(facts, name, stand_in)
     best = candidate(("a",), 60.0, 1.0, True)
-    comparison = SimpleNamespace(refits=(best,), none=candidate((), 0.0, 1.0, True))
+    comparison = SimpleNamespace(refits=(best,), none=candidate((), 0.0, 1.0, True), off=())
     model = SimpleNamespace(effects={"a": None})
     problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
     assert facts._covered(problem, comparison, best, Kinematics())[0] == within

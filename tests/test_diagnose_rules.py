@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from bayesid.diagnosis.hypotheses.facts import Facts, Named
-from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM, NAMING, RULES, WORDS, deciding
+from bayesid.diagnosis.hypotheses.rules import NAMING, RULES, WORDS, deciding
 from bayesid.diagnosis.hypotheses.verdict import names_of
 from bayesid.diagnosis.threshold_table import (
     CAUSE_OVER_MOTION,
@@ -24,7 +24,7 @@ PLAIN = Facts(
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
     widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
     turns_beside=False, leeway=False, sure=0,
-    form=False, of_motion=False, covered=False, others_covered=False, over_motion=math.inf,
+    form=False, of_motion=False, moved=False, covered=False, others_covered=False, over_motion=math.inf,
     runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
@@ -76,6 +76,10 @@ CASES = [
     ("refuted by the runs", replace(PAIR, runs_refute=True), {"runs_refute": (False, "several sure")}),
     ("several sure", replace(PAIR, absorbed=1.0, none_in_set=True), {
         "sure": (1, "several, one sure"), "effects": (1, "none not excluded")}),
+    ("coefficient beside a model form", replace(FORM, moved=True, covered=True), {
+        "moved": (False, "model form"), "covered": (False, "effect"), "form": (False, "effect")}),
+    ("coefficient beside a model form", replace(FORM, moved=True, widens=True), {
+        "moved": (False, "model form"), "form": (False, "wrong coefficient")}),
     ("model form", replace(FORM, covered=True, acts=NAMING_PROBABILITY - TINY), {
         "covered": (False, "unsure effect")}),
     ("model form", replace(FORM, covered=True, acts=1.0, runs_refute=True), {
@@ -148,6 +152,7 @@ SAID = {
     "unlisted cause": ("outside", (), ()),
     "force of the motion": ("model_form", (), ()),
     "unlisted cause or a force of the motion": ("ambiguous", ("a", "b"), ()),
+    "coefficient beside a model form": ("coefficients", (), ()),
     "model form": ("model_form", (), ()),
     "shapes of a model form": ("model_form", (), ()),
     "one sure beside a model form": ("effect", ("b",), ()),
@@ -181,16 +186,21 @@ def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     effects, confounded, set95 = names_of(rule, NAMES)
     assert (rule.word, effects, confounded) == SAID[rule.name]
     assert bool(effects) or rule.word not in NAMING
-    none = "model_form" if rule.word == "model_form" or rule.name == CAUSE_OR_FORM else "none"
+    none = "model_form" if rule.silent == "model_form" else "none"
     assert set95 == tuple(none if n == "none" else n for n in NAMES.set95)
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
-    silent = rule.word in ("none", "model_form") or rule.name == CAUSE_OR_FORM
+    assert rule.silent or rule.word not in ("none", "model_form")
+    silent = bool(rule.silent)
     assert without == ((none, "outside") if silent else ("outside",))
     assert not set(names_of(rule, replace(NAMES, confounded=("a", "b", "c"), along=("a", "c")))[1]) & set(
         effects
     )
     beside = names_of(rule, replace(NAMES, form=True))[2]
     assert beside == ("outside", "a", "model_form", "b")  # nothing but the form
+    # an effect and the coefficient it stands for are one force in two words
+    stand = names_of(rule, replace(NAMES, stand=("e",)))[2]
+    both = () if rule.word in ("none", "outside") else ("coefficient_error", "e")
+    assert stand == (*set95, *(n for n in both if n not in effects))
 
 
 def test_the_table_says_of_every_number_what_it_is_and_what_fixed_it():
@@ -212,6 +222,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "GAP_IS_SURE_BELOW": 0.01,
         "MINOR_SHARE": 0.1,
         "PRIOR_CONFLICT": 3.0,
+        "ONE_COEFFICIENT": 0.999,
         "LISTED_BESIDE_EVIDENCE": 20.0,
         "DISAGREEMENT_P_VALUE": 1e-3,
         "FOLLOWS_DATA_CHI2": 1.5,

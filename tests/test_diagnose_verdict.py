@@ -84,6 +84,8 @@ def judged(
             form_instead=np.inf,
             sets={},
             error=FormError(),
+            off=(),
+            stand=(),
         ),
     )  # fmt: skip
 

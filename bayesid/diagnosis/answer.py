@@ -144,9 +144,10 @@ def _headline(result: Result) -> str:
     if word == "coefficients":
         far = moved_words(result)[:2]
         left = unexplained(result)
-        acts = result.dependence is not None
+        acts = result.dependence is not None or result.in_place_of
         begins = "Coefficients" if acts else "No effect is needed, but coefficients"
-        return f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".") + left
+        said = f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".")
+        return " ".join([said, *_in_place_of(result)]) + left
     if word == "model_form":
         return (
             "The equations lack a force that depends on the motion"
@@ -279,8 +280,21 @@ def rivals(result: Result) -> list[tuple[str, float]]:
     return [(n, p) for n, p in left if p >= WORTH_A_WORD][:MOST_RIVALS]
 
 
+def _in_place_of(result: Result) -> list[str]:
+    """What would do the same as coefficients that are further off than stated, a sentence each."""
+    return [
+        f"Or it is no wrong {s.coefficient} but {in_words(s.effect.name)}, which no run tells from it: "
+        f"{lowered(sentence(s.effect))}"
+        for s in result.in_place_of
+    ]
+
+
 def _certainty(result: Result) -> tuple[str, ...]:
     out = []
+    if result.in_place_of and result.verdict != "coefficients":
+        surest = result.in_place_of[0]
+        off = f"{surest.coefficient} lies at least {surest.moved:.1f} stated deviations off as well."
+        out.append(" ".join([off, *_in_place_of(result)]))
     if result.verdict in NAMING:
         for e in result.effects:
             out.append(_how_sure(e))

@@ -6,6 +6,7 @@ Takes a comparison of hypotheses and its verdict. Does not decide.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
@@ -15,7 +16,7 @@ from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.plain_words import Z95
-from bayesid.diagnosis.result_parts import Effect, Value
+from bayesid.diagnosis.result_parts import Effect, InPlaceOf, Value
 from bayesid.diagnosis.size_names import contract, in_sentence, meanings, said_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -74,6 +75,23 @@ def effects_found(
                 _in_its_place(c, families, name),
             )
         )
+    return tuple(out)
+
+
+def in_place_of(
+    model: Model, c: HypothesisComparison, verdict: Verdict, acting: Mapping[str, float]
+) -> tuple[InPlaceOf, ...]:
+    """What stands for a coefficient that is off, where the verdict has room for it and does not name it."""
+    out = []
+    # where coefficients are the answer, also what would be the best explanation
+    off = {"none": (), "outside": (), "coefficients": c.off}.get(verdict.word, c.stand)
+    for s in off:
+        effect = model.effects[s.effect]
+        (size,) = effect.parameters
+        value = _value(s.size, s.sd, size.unit, (None, None))
+        told = Effect(s.effect, acting.get(s.effect, 0.0), {size.name: value}, says=effect.says)
+        if s.effect not in verdict.effects:
+            out.append(InPlaceOf(told, s.coefficient, s.moved))
     return tuple(out)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.effects_found import effects_found
+from bayesid.diagnosis.effects_found import effects_found, in_place_of
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
 from bayesid.diagnosis.evidence.explained_model import ExplainedModel
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation
@@ -144,6 +144,7 @@ def result_of(
         reasons=verdict.reasons,
         rule=verdict.rule,
         unnamed=dict(verdict.unnamed),
+        in_place_of=in_place_of(model, c, verdict, acting),
         thresholds=c.thresholds,
         screen=tuple(Screened(s.name, float(s.gain)) for s in c.scores),
         refits=tuple(_refit(problem, c.none, r) for r in (c.none, *c.refits)),

@@ -26,6 +26,7 @@ from bayesid.diagnosis.result_parts import (
     Drawings,
     Effect,
     Gap,
+    InPlaceOf,
     Location,
     ModelFormPart,
     Moved,
@@ -259,6 +260,13 @@ class Result:
             "probability: below that of a name."
         ),
     ] = field(default_factory=dict)
+    in_place_of: Annotated[
+        tuple[InPlaceOf, ...],
+        About(
+            "Effects that would do what coefficients do which the runs put further off than stated, whatever "
+            "force the equations lack; no run tells the two apart."
+        ),
+    ] = ()
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

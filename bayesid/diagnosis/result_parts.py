@@ -314,6 +314,17 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class InPlaceOf:
+    """An effect that does what a coefficient does which the runs put certainly further off than stated."""
+
+    effect: Effect
+    coefficient: str
+    moved: Annotated[
+        float, About("How far the coefficient certainly lies off, in stated standard deviations.")
+    ]
+
+
+@dataclass(frozen=True)
 class Retuning:
     """Whether the model of the explanation has the coefficients re-tuned or as the vehicle file states them.
 

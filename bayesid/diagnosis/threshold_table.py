@@ -85,6 +85,11 @@ PRIOR_CONFLICT = Limit(
     "Coefficient move without an effect below which coefficients are not called wrong, whatever chance says.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
+ONE_COEFFICIENT = Limit(
+    "ONE_COEFFICIENT", 0.999, "1",
+    "Share of an effect's trace that one coefficient has, from which it does what that coefficient does.",
+    "More drag and X_u|u| have 1.0000; the next, a weaker rudder and N_dr, 0.988 to 0.998.",
+)  # fmt: skip
 LISTED_BESIDE_EVIDENCE = Limit(
     "LISTED_BESIDE_EVIDENCE", 20.0, "nats",
     "How far behind the best explanation an effect confounded with coefficients may lie and still be listed "

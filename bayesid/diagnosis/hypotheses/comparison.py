@@ -20,6 +20,7 @@ from bayesid.diagnosis.data.problem import (
 )
 from bayesid.diagnosis.evidences import effect_first, evidences
 from bayesid.diagnosis.hypotheses.candidate import (
+    COEFFICIENT_ERROR,
     RefittedHypothesis,
     checked,
     explains,
@@ -30,6 +31,7 @@ from bayesid.diagnosis.hypotheses.cross_validation import excess_where_apart, le
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
+from bayesid.diagnosis.hypotheses.moved_coefficients import StandsFor, certainly_wrong, standing_for
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
     likely_coefficients,
@@ -58,6 +60,7 @@ from bayesid.diagnosis.threshold_table import (
     LEAST_FREE_SIGNAL_SHARE,
     LINEARISATION_SCATTER,
     NOT_FOLLOWING_CHI2,
+    PRIOR_CONFLICT,
     REMAINDER_EVIDENCE,
 )
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -94,6 +97,7 @@ class HypothesisComparison:
         it is too little
     error : how far evidence between causes holds where the equations lack a form
     sets : names that act together, sorted -> probability of exactly these
+    off, stand : effects that stand for coefficients certainly off, without any effect and beside the best
     """
 
     none: RefittedHypothesis
@@ -113,6 +117,8 @@ class HypothesisComparison:
     form_seen: float = 0.0
     error: FormError = NO_ERROR
     sets: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    off: tuple[StandsFor, ...] = ()
+    stand: tuple[StandsFor, ...] = ()
 
     @property
     def best(self) -> RefittedHypothesis:
@@ -302,7 +308,12 @@ def weigh(
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in single.effects}
-    error = _form_error(problem, best, refits, beside)
+    least = max(PRIOR_CONFLICT, limits.conflict)
+    off = standing_for(problem, single.bank, none.fit, FORM_LEAVES * carried, least)
+    stand = off
+    if best is not none and not best.widens:
+        stand = standing_for(problem, single.bank, best.fit, FORM_LEAVES * beside, least)
+    error = _form_error(problem, best, refits, beside, off, list(single.wide))
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
@@ -320,6 +331,8 @@ def weigh(
         beside,
         error=error,
         sets=weights.sets,
+        off=off,
+        stand=stand,
     )
 
 
@@ -388,19 +401,33 @@ def _ranked(
 
 
 def _form_error(
-    problem: DiagnosisProblem, best: RefittedHypothesis, refits: Sequence[RefittedHypothesis], beside: float
+    problem: DiagnosisProblem,
+    best: RefittedHypothesis,
+    refits: Sequence[RefittedHypothesis],
+    beside: float,
+    off: Sequence[StandsFor],
+    wide: Sequence[str],
 ) -> FormError:
-    """How far evidence between these refits holds, by what the form is worth beside the best of them."""
+    """How far evidence between these refits holds, by what the form is worth beside the best of them.
+
+    Parameters
+    ----------
+    off : effects that stand for coefficients certainly off
+    wide : names of what was tried with a wider prior
+    """
     if beside <= 0.0:
         return NO_ERROR
     causes = [c for c in refits if not c.widens]
     sets = [(), *(c.effects for c in causes)]
     axes = {n: axes_of(problem, n) for key in sets for n in key}
-    alone: dict[tuple[str, ...], float] = {}
+    certain = {s.effect: s.certain for s in off}
+    alone: dict[tuple[str, ...], float] = {(n,): v for n, v in certain.items()}
+    alone[(COEFFICIENT_ERROR,)] = certainly_wrong(off, wide)
     by_run: dict[tuple[str, ...], np.ndarray] = {}
     for c in sorted((c for c in causes if explains(c)), key=lambda c: c.log_evidence):
         key = tuple(sorted(c.effects))
-        alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
+        kept = by_kinematics(problem, c).evidence + sum(certain.get(n, 0.0) for n in key)
+        alone[key] = max(alone.get(key, 0.0), kept)
         by_run[key] = left_out(c.fit.equations)
     sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))
     whole = FormError(FORM_LEAVES * beside, alone, sensors, axes, by_run=by_run)

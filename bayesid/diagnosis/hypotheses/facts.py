@@ -37,6 +37,7 @@ from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, of_causes, told
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.threshold_table import (
+    ADD_EVIDENCE,
     BARE_MENTION,
     CONFOUNDED_SHARE,
     EVEN_ODDS,
@@ -84,6 +85,7 @@ class Facts:
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
+    moved : whether a coefficient certainly is further off than stated that an effect stands for
     covered : whether what the form leaves may be as large as each effect of the best, and as all of them; of
         several, those without a size and a list that reads as a gyro's scale are asked with the others only
     others_covered : the same of all effects of the best but those that may be named
@@ -116,6 +118,7 @@ class Facts:
     sure: int
     form: bool
     of_motion: bool
+    moved: bool
     covered: bool
     others_covered: bool
     over_motion: float
@@ -153,6 +156,7 @@ class Named:
     undetectable : effects these runs could not show
     form : whether no effect means a model form alone
     like : effects of the best that depend on the motion alone, beside others
+    stand : effects that stand for coefficients certainly further off than stated, beside the best
     """
 
     best: tuple[str, ...]
@@ -164,6 +168,7 @@ class Named:
     form: bool = False
     like: tuple[str, ...] = ()
     unnamed: Mapping[str, Unnamed] = field(default_factory=dict)
+    stand: tuple[str, ...] = ()
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -275,6 +280,7 @@ def grounds_of(
         leeway=named in leeway,
         sure=len(sure),
         form=problem.form is not None,
+        moved=bool(candidates.stand),
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
         covered=all_within and bool(best.effects) and set(best.effects) == {*covered, *no_cause},
         others_covered=together and bool(sure) and set(best.effects) == {*sure, *covered},
@@ -287,8 +293,9 @@ def grounds_of(
     )
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
     names = Named(
-        best.effects, sure, confounded, along, set95, faint, problem.form is not None, like, unnamed
-    )
+        best.effects, sure, confounded, along, set95, faint, problem.form is not None, like, unnamed,
+        tuple(s.effect for s in candidates.stand),
+    )  # fmt: skip
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 
@@ -418,16 +425,17 @@ def _covered(
     than the form itself to be told from what it leaves. Of causes that can stand for each other each is
     worth little beside the rest, and all of them much. A resonance leaves nothing that lasts. Gains are
     compared as they are, and by how far the runs agree about effect and form. What sensors say by kinematics
-    alone holds whatever the equations lack.
+    alone holds whatever the equations lack, and so does a coefficient that certainly is another.
     """
     if problem.form is None:
         return (), True
     part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
+    held = {s.effect for s in candidates.off if s.certain > ADD_EVIDENCE}
     within = tuple(
         n
         for n in best.effects
-        if n not in sensors.told
+        if n not in sensors.told | held
         and _small(problem, candidates, best, {n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE)
     )
     return within, not within or _small(problem, candidates, best, within, FORM_LEAVES)

@@ -71,7 +71,8 @@ class FormError:
     ----------
     leaves : log evidence that what the model form leaves may be worth: nineteen of twenty times it changes
         the distance of two causes by less [nats]; 0 where no form is needed
-    kinematic : set of causes -> log evidence of its sensors' effects by kinematics alone, whatever forces act
+    holds : set of causes -> log evidence that it keeps whatever forces of the motion act: of its sensors'
+        effects by kinematics, and of an effect that stands for a coefficient certainly off (`StandsFor`)
     sensors : effects of sensors that kinematics may tell
     axes : effect -> axes of the form that may stand for it
     parts : the same as `leaves` of the form in some axes alone
@@ -79,7 +80,7 @@ class FormError:
     """
 
     leaves: float = 0.0
-    kinematic: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    holds: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     sensors: frozenset[str] = frozenset()
     axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
     parts: Mapping[frozenset[str], float] = field(default_factory=dict)
@@ -98,10 +99,10 @@ class FormError:
         return frozenset().union(*(self.axes[n] for n in names))
 
     def sure(self, key: tuple[str, ...], gain: float) -> float | None:
-        """What of the gain of a set kinematics alone tells; None where how much is not known."""
-        if key not in self.kinematic and self.sensors & set(key):
+        """What of the gain of a set holds whatever forces act; None where how much is not known."""
+        if key not in self.holds and self.sensors & set(key):
             return None
-        return float(np.clip(self.kinematic.get(key, 0.0), 0.0, max(gain, 0.0)))
+        return float(np.clip(self.holds.get(key, 0.0), 0.0, max(gain, 0.0)))
 
     def lag(self, distance: float, leaves: float | None = None) -> float:
         """What a distance between two causes is worth: the odds that the error did not make it [nats].
@@ -258,9 +259,9 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
     """Gains over no effect; what a cause lags behind the best, or behind a better one that has it and more,
     is worth only what the error of the equations leaves of it, and what the runs agree about.
 
-    What kinematics tells keeps its own part. A set that explains no more than the form may leave is no rival:
-    it stays as far behind as it is. Only what the form leaves in the axes of those causes counts that two
-    sets do not share.
+    What holds whatever forces act keeps its own part. A set that explains no more than the form may leave is
+    no rival: it stays as far behind as it is. Only what the form leaves in the axes of those causes counts
+    that two sets do not share.
     """
     rest: dict[tuple[str, ...], float] = {}
     for key, value in gain.items():

@@ -89,6 +89,15 @@ RULES: tuple[Rule, ...] = (
         silent="model_form",
     ),
     Rule(
+        "coefficient beside a model form",
+        lambda f: f.form and f.moved and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
+        "coefficients", "nothing", "nothing",
+        "a force that depends on the motion and that the equations lack is needed; whatever it is, a "
+        "coefficient lies further off than stated, and what effects gain beside it is no more than such a "
+        "force may leave",
+        silent="model_form",
+    ),
+    Rule(
         "model form",
         lambda f: f.form and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
         "model_form", "nothing", "nothing",

@@ -8,7 +8,7 @@ any data. Does not refit or judge.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,12 +57,14 @@ class SensitivityBank:
     levels : the environments
     n_coef : number of coefficient columns
     effects : name -> Column
+    par : parameters of the path
     """
 
     equations: tuple[tuple[NormalEquations, ...], ...]
     levels: tuple[NoiseModel, ...]
     n_coef: int
     effects: dict[str, EffectColumns]
+    par: Array = field(default_factory=lambda: np.zeros(0))
 
     def total(self, level: int) -> NormalEquations:
         """All runs together."""
@@ -183,7 +185,7 @@ def build_bank(
 
     by_run = each(of_run, problem.logs, points, range(len(problem.logs)))
     equations = tuple(zip(*by_run, strict=True))
-    return SensitivityBank(equations, tuple(levels), len(base.names), columns)
+    return SensitivityBank(equations, tuple(levels), len(base.names), columns, points[0].par)
 
 
 def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:

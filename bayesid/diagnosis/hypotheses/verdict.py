@@ -126,6 +126,10 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
         set95 = ("none", *set95)
     if named.form or rule.silent == "model_form":
         set95 = tuple("model_form" if n == "none" else n for n in set95)
+    if rule.word not in ("none", "outside"):
+        # one force in two words: no run tells the coefficient from the effect
+        both = (COEFFICIENT_ERROR, *named.stand) if named.stand else ()
+        set95 = (*set95, *(n for n in both if n not in set95 and n not in effects))
     return effects, confounded, set95
 
 
