@@ -92,7 +92,7 @@ def imported(
         return ASKED, None
     runs, origin = apply_map(found, sources)
     if again:
-        _say_replaced(import_again(found, runs, origin, out, map_file), out)
+        _say_replaced(import_again(found, runs, origin, out, map_file), out, map_file)
     else:
         write_bundle(found, runs, origin, out, map_file)
     print_text(
@@ -227,7 +227,7 @@ def _name_of(out: Path) -> str:
     return whole.parent.name if out.name == "bayesid" else whole.name
 
 
-def _say_replaced(done: Replaced, out: Path) -> None:
+def _say_replaced(done: Replaced, out: Path, map_file: Path) -> None:
     """What an import that was carried out again did to the files of the one before."""
     from bayesid.cli.output import print_text
 
@@ -238,6 +238,16 @@ def _say_replaced(done: Replaced, out: Path) -> None:
             "is of another vehicle" if name in done.vehicle else "may have been edited since it was imported"
         )
         print_text(f"  - {name} {why}: as it was, it is {kept} now")
+    if done.kept:
+        print_text(
+            f"  - trial.toml keeps the [corrections] it had, {'; '.join(done.kept)}: {map_file} has none. "
+            "Write them there for every import to come; an empty table [corrections] there leaves them out"
+        )
+    if done.lost:
+        print_text(
+            f"  - trial.toml has the [corrections] of {map_file} and no more those it had, "
+            f"{'; '.join(done.lost)}; write into the map what still holds"
+        )
     if done.vehicle:
         print_text(f"  - taken from beside the map: {first_few(done.vehicle, 4)}")
     if done.removed:
