@@ -86,7 +86,7 @@ def imported(
     from bayesid.trials.importing import apply_map, write_bundle
     from bayesid.trials.importing.again import import_again
 
-    again = (out / "trial.toml").exists()
+    again, proposed = (out / "trial.toml").exists(), map_file is None
     found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out), guided)
     if found is None:
         return ASKED, None
@@ -104,7 +104,9 @@ def imported(
             f"  - the trial is called {other!r}, by the map {map_file} of another, not {own!r} as its "
             f"folder; edit `name` in {out / 'trial.toml'}"
         )
-    notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
+    told = (() if proposed else joined.stamps for joined in runs)  # a proposal has said them
+    notices = [text for joined in runs for text in joined.notices] + [text for its in told for text in its]
+    notices = list(dict.fromkeys(notices))
     for text in notices[:6]:
         print_text(f"  - {text}")
     if notices[6:]:

@@ -127,7 +127,7 @@ def provenance(
                 if joined.start is None
                 else datetime.fromtimestamp(joined.start, UTC).isoformat(),
                 "window_s": joined.run.window,
-                "notices": list(joined.notices),
+                "notices": [*joined.notices, *joined.stamps],
                 "channels": {
                     name: {
                         "from": list(joined.origins[name].series),
