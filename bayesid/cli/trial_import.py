@@ -261,7 +261,7 @@ def _say_replaced(done: Replaced, out: Path, map_file: Path) -> None:
 
 
 def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
-    from bayesid.api.check import check
+    from bayesid.api.check import check, lacking_orders
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import check_bundle
 
@@ -269,6 +269,8 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     checked = check(trial, with_vehicle=False)
     _list(f"{counted(len(checked.mistakes), 'mistake')} in the log:", checked.mistakes)
     _list("Not enough to say anything:", checked.lacking)
+    lost = lacking_orders(trial, found.channels)
+    _list("Orders that are not there:", lost)
     # what the reader noticed of a mistake is told with the mistake
     remarks = [w for w in trial.warnings if not {w, w.partition(".csv: ")[2]} & checked.same]
     shown = remarks if verbose else remarks[:MOST_REMARKS]
@@ -279,7 +281,7 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     if findings:
         _mend_first(findings, out)
         return
-    able = found.vehicle and not checked.lacking
+    able = found.vehicle and not checked.lacking and not lost
     nexts = ("diagnose", out, "--out", out / "gap") if able else ("trial", "check", out)
     print_text(f"Next: {command(*nexts)}")
 
