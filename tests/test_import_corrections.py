@@ -102,6 +102,23 @@ def test_corrections_by_hand_outlive_an_import_again_and_it_says_so(log, tmp_pat
     assert lines(trial) is None
 
 
+def test_where_corrections_by_hand_no_longer_fit_the_way_out_is_told(log, tmp_path, capsys):
+    out = tmp_path / "bundle"
+    assert imported(log, MAP, out) == 0
+    trial = out / "trial.toml"
+    trial.write_text(trial.read_text().replace("[[runs]]", APPARENT + "\n[[runs]]"))
+    mine = trial.read_bytes()
+    turns = MAP.replace("heading = ", "r = ").replace('unit = "deg" }\ndelta', 'unit = "deg/s" }\ndelta')
+    for more, code in (("", 2), ("[corrections]\n", 0)):
+        capsys.readouterr()
+        assert imported(log, turns + more, out) == code
+        said = capsys.readouterr().err
+        assert ("needs the heading" in said and "an empty table [corrections] in the map" in said) is (
+            code == 2
+        )
+        assert (trial.read_bytes() == mine) is (code == 2)
+
+
 def test_corrections_taken_out_of_the_map_leave_the_bundle(log, tmp_path, capsys):
     out = tmp_path / "bundle"
     assert imported(log, MAP + APPARENT, out) == 0

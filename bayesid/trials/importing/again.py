@@ -28,6 +28,10 @@ from bayesid.trials.importing.raw import ImportLogError
 from bayesid.trials.importing.readers import digest_of
 
 TRIAL, PROVENANCE, MAP = "trial.toml", "provenance.json", "map.toml"
+_KEPT = (
+    "\nIts [corrections] are those of trial.toml as it is, since the map has none; an empty table "
+    "[corrections] in the map leaves them out."
+)
 LISTS = (TRIAL, PROVENANCE, "trial.schema.json")
 
 
@@ -90,7 +94,8 @@ def import_again(
         try:
             check_bundle(new)
         except TrialError as error:
-            raise TrialError(str(error).replace(str(new), str(folder))) from None
+            of_it = "" if keep is None else _KEPT
+            raise TrialError(str(error).replace(str(new), str(folder)) + of_it) from None
         tables = tuple(row["file"] for row in _read(new / PROVENANCE)["runs"])
         earlier, digests = {row["file"] for row in before["runs"]}, before.get("written", {})
         for name in tables:
