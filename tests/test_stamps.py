@@ -220,3 +220,75 @@ def test_a_log_that_begins_between_two_stamps_is_spread_from_where_it_begins(sta
 def test_first_rows_before_a_gap_are_not_counted_back_from_behind_it():
     true = np.concatenate((100.0 + 0.1 * np.arange(10), 140.0 + 0.1 * np.arange(40)))
     np.testing.assert_allclose(spread_equal_times(np.floor(true + 1e-6)), true, atol=1e-6)
+
+
+OWN_MAP = """format = 1
+[sources.log]
+files = ["log.csv"]
+[channels]
+north = { from = "north [m]", unit = "m" }
+east = { from = "east [m]", unit = "m" }
+heading = { from = "heading [deg]", unit = "deg" }
+r = { from = "r[deg/s]", unit = "deg/s" }
+delta_r_cmd = { from = "delta_r_cmd[deg]", unit = "deg" }
+"""
+
+
+def doubled(t, rng):
+    """Every twentieth row is written twice."""
+    rows = np.sort(np.concatenate([np.arange(t.size), np.arange(0, t.size, 20)]))
+    return t[rows], rows
+
+
+def untouched(t, rng):
+    return t, np.arange(t.size)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (doubled, "log.csv: 4.8% of the rows repeat a stamp; the last of each is read"),
+        (rounded, "about 10.0 rows have one stamp, 1 s apart, of which the last is read; spread = true in"),
+        (set_back, "set back by 7.2"),
+        (swapped, "1 row is out of order"),
+        (untouched, None),
+    ],
+)
+def test_an_import_by_a_map_that_is_there_tells_it_too(tmp_path, capsys, change, words):
+    log(tmp_path / "raw", change)
+    (tmp_path / "map.toml").write_text(OWN_MAP)
+    order = ["trial", "import", str(tmp_path / "raw" / "log.csv"), "--map", str(tmp_path / "map.toml")]
+    assert bayesid([*order, "--out", str(tmp_path / "bundle")]) == 0
+    said = capsys.readouterr().out
+    odd = [
+        line for line in said.splitlines() if "stamp" in line or "out of order" in line or "set back" in line
+    ]
+    assert not odd if words is None else [words in line for line in odd] == [True]
+    assert words is None or words in (tmp_path / "bundle" / "provenance.json").read_text()
+    if change is rounded:  # and no more so once the map spreads them
+        text = OWN_MAP.replace('files = ["log.csv"]', 'files = ["log.csv"]\nspread = true')
+        (tmp_path / "map.toml").write_text(text)
+        assert bayesid([*order, "--out", str(tmp_path / "spread")]) == 0
+        assert "stamp" not in capsys.readouterr().out
+
+
+@pytest.mark.thorough
+def test_sensors_that_share_a_stamp_in_rows_of_their_own_lose_nothing(tmp_path, capsys):
+    """Position and orders have a row, heading and rate the next, of one stamp; control: rows that lose."""
+    log(tmp_path / "raw", untouched)
+    head, *rows = (tmp_path / "raw" / "log.csv").read_text().splitlines()
+    path = tmp_path / "raw" / "log.csv"
+    for shared in (True, False):
+        lines = []
+        for row in rows:
+            t, north, east, psi, r, *rest = row.split(",")
+            more = [] if shared else [north, east]
+            lines.append(",".join([t, north, east, "", "", *rest]))
+            lines.append(",".join([t, *(more or ["", ""]), psi, r, *["" for _ in rest]]))
+        path.write_text("\n".join([head, *lines]) + "\n")
+        (tmp_path / "map.toml").write_text(OWN_MAP)
+        out = str(tmp_path / f"bundle{shared}")
+        assert bayesid(["trial", "import", str(path), "--map", str(tmp_path / "map.toml"), "--out", out]) == 0
+        assert ("have one stamp" in capsys.readouterr().out) is not shared
+        found = propose([path])
+        assert any("stamps of log.csv are rounded" in text for text in found.map.questions) is not shared

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,14 +14,19 @@ from bayesid.diagnosis.input import (
     mended,
     missing_orders,
     not_enough,
+    orders_by_run,
     unmoved_inputs,
     without_missing,
 )
+from bayesid.errors import VehicleError
+from bayesid.model.channels import channel, is_channel
+from bayesid.model.vehicles import load_vehicle
 from bayesid.report.input import check_record, finding_sentence, in_order_line, joint_mend
 from bayesid.trials import Run, Trial
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.mistakes import InputCheck
+from bayesid.words import and_list
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,25 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     wind = wind_words(model.vehicle, logged) if model is not None else None
     lacking = (*lost.values(), *not_enough(logged, model))
     return Checked(found, lacking, still, _same(logged, found), wind)
+
+
+def lacking_orders(trial: Trial, named: Iterable[str] = ()) -> tuple[str, ...]:
+    """Orders that runs of a trial lack, one sentence each; by names alone where its vehicle cannot be read.
+
+    Parameters
+    ----------
+    trial : as imported
+    named : channels that the map of the import names
+    """
+    try:
+        ship = load_vehicle(trial.vehicle_ref) if trial.vehicle_ref else None
+    except VehicleError:
+        ship = None
+    logged = {name for run in trial.runs for name in (*run.commands, *run.measured_inputs)}
+    orders = [n for n in named if is_channel(n) and channel(n).kind in ("command", "actuator")]
+    nowhere = [name for name in orders if name not in logged]
+    words = f"no run has {and_list(nowhere)}, which the map names: correct `from` of each, or delete its line"
+    return (*([words] if nowhere else ()), *orders_by_run(trial, ship))
 
 
 def _same(logged: Trial, found: InputCheck) -> frozenset[str]:

@@ -86,13 +86,13 @@ def imported(
     from bayesid.trials.importing import apply_map, write_bundle
     from bayesid.trials.importing.again import import_again
 
-    again = (out / "trial.toml").exists()
+    again, proposed = (out / "trial.toml").exists(), map_file is None
     found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out), guided)
     if found is None:
         return ASKED, None
     runs, origin = apply_map(found, sources)
     if again:
-        _say_replaced(import_again(found, runs, origin, out, map_file), out)
+        _say_replaced(import_again(found, runs, origin, out, map_file), out, map_file)
     else:
         write_bundle(found, runs, origin, out, map_file)
     print_text(
@@ -104,7 +104,9 @@ def imported(
             f"  - the trial is called {other!r}, by the map {map_file} of another, not {own!r} as its "
             f"folder; edit `name` in {out / 'trial.toml'}"
         )
-    notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
+    told = (() if proposed else joined.stamps for joined in runs)  # a proposal has said them
+    notices = [text for joined in runs for text in joined.notices] + [text for its in told for text in its]
+    notices = list(dict.fromkeys(notices))
     for text in notices[:6]:
         print_text(f"  - {text}")
     if notices[6:]:
@@ -227,7 +229,7 @@ def _name_of(out: Path) -> str:
     return whole.parent.name if out.name == "bayesid" else whole.name
 
 
-def _say_replaced(done: Replaced, out: Path) -> None:
+def _say_replaced(done: Replaced, out: Path, map_file: Path) -> None:
     """What an import that was carried out again did to the files of the one before."""
     from bayesid.cli.output import print_text
 
@@ -238,6 +240,16 @@ def _say_replaced(done: Replaced, out: Path) -> None:
             "is of another vehicle" if name in done.vehicle else "may have been edited since it was imported"
         )
         print_text(f"  - {name} {why}: as it was, it is {kept} now")
+    if done.kept:
+        print_text(
+            f"  - trial.toml keeps the [corrections] it had, {'; '.join(done.kept)}: {map_file} has none. "
+            "Write them there for every import to come; an empty table [corrections] there leaves them out"
+        )
+    if done.lost:
+        print_text(
+            f"  - trial.toml has the [corrections] of {map_file} and no more those it had, "
+            f"{'; '.join(done.lost)}; write into the map what still holds"
+        )
     if done.vehicle:
         print_text(f"  - taken from beside the map: {first_few(done.vehicle, 4)}")
     if done.removed:
@@ -249,7 +261,7 @@ def _say_replaced(done: Replaced, out: Path) -> None:
 
 
 def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
-    from bayesid.api.check import check
+    from bayesid.api.check import check, lacking_orders
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import check_bundle
 
@@ -257,6 +269,8 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     checked = check(trial, with_vehicle=False)
     _list(f"{counted(len(checked.mistakes), 'mistake')} in the log:", checked.mistakes)
     _list("Not enough to say anything:", checked.lacking)
+    lost = lacking_orders(trial, found.channels)
+    _list("Orders that are not there:", lost)
     # what the reader noticed of a mistake is told with the mistake
     remarks = [w for w in trial.warnings if not {w, w.partition(".csv: ")[2]} & checked.same]
     shown = remarks if verbose else remarks[:MOST_REMARKS]
@@ -267,7 +281,7 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     if findings:
         _mend_first(findings, out)
         return
-    able = found.vehicle and not checked.lacking
+    able = found.vehicle and not checked.lacking and not lost
     nexts = ("diagnose", out, "--out", out / "gap") if able else ("trial", "check", out)
     print_text(f"Next: {command(*nexts)}")
 

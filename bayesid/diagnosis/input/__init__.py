@@ -8,6 +8,7 @@ Does not: weigh effects, or change a file.
 from bayesid.diagnosis.input.check import check_trial, mended
 from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
 from bayesid.diagnosis.input.missing_orders import missing_orders, without_missing
+from bayesid.diagnosis.input.orders_by_run import orders_by_run
 from bayesid.diagnosis.input.reading import MOST_SAMPLES, as_read, checked_and_read
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
@@ -20,6 +21,7 @@ __all__ = [
     "mended",
     "missing_orders",
     "not_enough",
+    "orders_by_run",
     "unmoved_inputs",
     "without_missing",
 ]

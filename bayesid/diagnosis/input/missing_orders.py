@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -40,17 +40,31 @@ def missing_orders(trial: Trial, vehicle: Vehicle) -> dict[str, str]:
     Without an order an actuator is simulated at rest, and before its first order with that one: a cause would
     be named for what the log does not hold.
     """
-    names = _asked(trial, vehicle)
-    read = {run.name: {n: _columns(trial, vehicle, run, n) for n in names} for run in trial.runs}
+    read, lost = _columns_by_run(trial, vehicle), lost_orders(trial, vehicle)
     out = {}
     for run in trial.runs:
-        there = dict.fromkeys(column for columns in read[run.name].values() for column in columns)
-        lost = [c for c in _wanted(trial, vehicle, run, read) if c not in there]
-        if lost:
-            out[run.name] = _whole(run, lost, read)
-        elif late := _late(run, there):
+        if run.name in lost:
+            out[run.name] = _whole(run, lost[run.name], read)
+        elif late := _late(run, _there(read[run.name])):
             out[run.name] = _beginning(run, late)
     return out
+
+
+def lost_orders(trial: Trial, vehicle: Vehicle) -> dict[str, list[str]]:
+    """Run -> columns it has no reading of while it needs them, as other runs log them."""
+    read = _columns_by_run(trial, vehicle)
+    wanted = {run.name: _wanted(trial, vehicle, run, read) for run in trial.runs}
+    lost = {run: [c for c in columns if c not in _there(read[run])] for run, columns in wanted.items()}
+    return {run: columns for run, columns in lost.items() if columns}
+
+
+def _columns_by_run(trial: Trial, vehicle: Vehicle) -> dict[str, dict[str, tuple[str, ...]]]:
+    names = _asked(trial, vehicle)
+    return {run.name: {n: _columns(trial, vehicle, run, n) for n in names} for run in trial.runs}
+
+
+def _there(columns: Mapping[str, tuple[str, ...]]) -> dict[str, None]:
+    return dict.fromkeys(column for its in columns.values() for column in its)
 
 
 def without_missing(trial: Trial, vehicle: Vehicle) -> Trial:

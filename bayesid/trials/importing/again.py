@@ -3,7 +3,8 @@
 Takes the joined runs. The new bundle is made and read in a folder aside before anything is replaced; what
 goes wrong on the way leaves the old one as it was. Only tables and lists of the earlier import are replaced,
 by the digests it kept, and the vehicle where the map names the file of another; what was edited since is put
-aside under another name. Does not touch the map or anything else in the folder.
+aside under another name, and [corrections] written into it by hand are kept where the map has none.
+Does not touch the map or anything else in the folder.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ import json
 import os
 import shutil
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bayesid.errors import TrialError
+from bayesid.trials.correction import Correction, read_correction
 from bayesid.trials.importing.bundle_out import check_bundle, refuse_logs, write_bundle
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
@@ -25,6 +28,10 @@ from bayesid.trials.importing.raw import ImportLogError
 from bayesid.trials.importing.readers import digest_of
 
 TRIAL, PROVENANCE, MAP = "trial.toml", "provenance.json", "map.toml"
+_KEPT = (
+    "\nIts [corrections] are those of trial.toml as it is, since the map has none; an empty table "
+    "[corrections] in the map leaves them out."
+)
 LISTS = (TRIAL, PROVENANCE, "trial.schema.json")
 
 
@@ -40,6 +47,8 @@ class Replaced:
     left : tables of the earlier import that are no run any more and may have been edited
     vehicle : files of another vehicle, which the map names
     results : folders inside with results of the earlier trial
+    kept : lines of [corrections] that the earlier trial.toml had by hand, kept as the map has no such table
+    lost : those that are not kept, as the map has a table of its own
     """
 
     tables: tuple[str, ...]
@@ -48,6 +57,8 @@ class Replaced:
     left: tuple[str, ...]
     vehicle: tuple[str, ...]
     results: tuple[str, ...]
+    kept: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
 
 
 def may_import_again(folder: Path, map_file: Path | None) -> bool:
@@ -75,15 +86,18 @@ def import_again(
     before = _before(folder)
     if before is None:
         raise ImportLogError(f"{folder}: holds no trial that an import wrote")
+    own = _corrections_by_hand(folder, before)
+    keep = own if found.corrections is None else None
     with tempfile.TemporaryDirectory(dir=folder, prefix=".import_") as place:
         new = Path(place) / folder.resolve().name
-        write_bundle(found, runs, origin, new, map_file)
+        write_bundle(found, runs, origin, new, map_file, correction=keep)
         try:
             check_bundle(new)
         except TrialError as error:
-            raise TrialError(str(error).replace(str(new), str(folder))) from None
+            of_it = "" if keep is None else _KEPT
+            raise TrialError(str(error).replace(str(new), str(folder)) + of_it) from None
         tables = tuple(row["file"] for row in _read(new / PROVENANCE)["runs"])
-        earlier, kept = {row["file"] for row in before["runs"]}, before.get("written", {})
+        earlier, digests = {row["file"] for row in before["runs"]}, before.get("written", {})
         for name in tables:
             if name not in earlier and (folder / name).exists():
                 raise ImportLogError(
@@ -95,15 +109,31 @@ def import_again(
         vehicle = _another_vehicle(folder, new, tables)
         changed = [
             name for name in (TRIAL, *tables, *vehicle)
-            if (folder / name).exists() and kept.get(name) != (digest := digest_of(folder / name))
+            if (folder / name).exists() and digests.get(name) != (digest := digest_of(folder / name))
             and digest != digest_of(new / name)
         ]  # fmt: skip
         gone = sorted(name for name in earlier - set(tables) if (folder / name).exists())
-        removed = tuple(name for name in gone if kept.get(name) == digest_of(folder / name))
+        removed = tuple(name for name in gone if digests.get(name) == digest_of(folder / name))
         aside = tuple((name, _free_name(folder, name, tables)) for name in changed)
         _exchange(folder, new, Path(place) / "before", (*tables, *LISTS, *vehicle), removed, dict(aside))
     results = tuple(sorted(p.parent.name for p in folder.glob("*/results.json")))
-    return Replaced(tables, removed, aside, tuple(n for n in gone if n not in removed), vehicle, results)
+    left = tuple(name for name in gone if name not in removed)
+    hand = () if own is None or own == found.corrections else own.lines(digits=15)
+    kept, lost = (hand, ()) if keep is not None else ((), hand)
+    return Replaced(tables, removed, aside, left, vehicle, results, kept, lost)
+
+
+def _corrections_by_hand(folder: Path, before: dict[str, Any]) -> Correction | None:
+    """[corrections] of trial.toml that are not those of the map it was imported by; None where there are none
+    or they cannot be read."""
+    try:
+        table = tomllib.loads((folder / TRIAL).read_text(encoding="utf-8-sig")).get("corrections", {})
+    except (OSError, ValueError, RecursionError):
+        return None
+    problems: list[str] = []
+    found = read_correction(table, problems)
+    lines = list(found.lines(digits=15))
+    return None if problems or not lines or lines == before.get("corrections_of_map", []) else found
 
 
 def _before(folder: Path) -> dict[str, Any] | None:

@@ -38,8 +38,13 @@ def write_bundle(
     folder: Path,
     map_file: Path | None,
     overwrite: bool = False,
+    correction: Correction | None = None,
 ) -> Path:
     """Write the bundle.
+
+    Parameters
+    ----------
+    correction : [corrections] of trial.toml in place of those of the map
 
     Returns
     -------
@@ -68,8 +73,11 @@ def write_bundle(
     refuse_logs(runs, files, folder)
     for joined, file in zip(runs, files, strict=True):
         _write_csv(joined, folder / file)
-    write_atomic(target, write_schema(folder) + trial_toml(found, runs, files, vehicle))
+    write_atomic(
+        target, write_schema(folder) + trial_toml(found, runs, files, vehicle, correction=correction)
+    )
     told = provenance(runs, files, origin)
+    told["corrections_of_map"] = [] if found.corrections is None else list(found.corrections.lines(digits=15))
     # by these an import that is carried out again knows what was edited since
     told["written"] = {name: digest_of(folder / name) for name in (target.name, *files)}
     write_atomic(folder / "provenance.json", json.dumps(told, indent=1) + "\n")
@@ -119,7 +127,7 @@ def provenance(
                 if joined.start is None
                 else datetime.fromtimestamp(joined.start, UTC).isoformat(),
                 "window_s": joined.run.window,
-                "notices": list(joined.notices),
+                "notices": [*joined.notices, *joined.stamps],
                 "channels": {
                     name: {
                         "from": list(joined.origins[name].series),
@@ -161,7 +169,7 @@ def trial_toml(
     Parameters
     ----------
     columns : channel[unit] -> column, where the files are the raw ones; runs then keep their windows
-    correction : what is done to their numbers
+    correction : what is done to their numbers; None for the [corrections] of the map
     """
     lines = [
         "format = 1",
@@ -178,6 +186,7 @@ def trial_toml(
         lines.append(f"attribution = {toml_text(found.attribution)}")
     if columns:
         lines += ["", "[columns]", *(f"{toml_text(k)} = {toml_text(v)}" for k, v in columns.items())]
+    correction = found.corrections if correction is None else correction
     if correction is not None and correction.lines():
         lines += ["", "[corrections]", *correction.lines(digits=15)]
     for key, table in (("noise", found.noise), ("environment", found.environment)):

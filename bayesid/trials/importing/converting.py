@@ -18,6 +18,7 @@ from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.names import role_of_name
 from bayesid.trials.importing.raw import ImportLogError, RawLog
 from bayesid.trials.importing.roles import QUATERNION, ROLES
+from bayesid.trials.importing.shares import in_words, taken_as_it_is
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Floats
 
@@ -89,8 +90,11 @@ def convert(
         try:
             factor = scale(unit, row.unit, f"{name!r}") if row.unit else 1.0
         except UnitError as error:
-            problems.append(str(error))
+            problems.append(in_words(role, name, entry, unit) or str(error))
             continue
+        said = taken_as_it_is(role, name, entry, series.unit)
+        if said is not None and said not in recording.notices:
+            recording.notices.append(said)
         read = series.values
         gone: np.ndarray = np.zeros(0, dtype=bool)
         if entry.missing:  # a code may have been kept in 32 bits

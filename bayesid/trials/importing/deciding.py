@@ -8,7 +8,6 @@ Does not: read names; `proposing` has done that.
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -23,11 +22,11 @@ from bayesid.trials.importing.agreement import (
     yaw_fit,
 )
 from bayesid.trials.importing.angle_units import decide_angle_units
+from bayesid.trials.importing.apparent_wind import ask_apparent_wind
 from bayesid.trials.importing.clock_agreement import check_clocks, check_rudder_clock
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.named_sides import name_body, turn_named
-from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
 from bayesid.trials.importing.planes import calm_as_degrees
 from bayesid.trials.importing.resting import rests
@@ -39,12 +38,8 @@ from bayesid.trials.importing.speed_axes import (
     blames_the_heading,
     why_not_the_track,
 )
-from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
-from bayesid.words import and_list
 
-_FROM_NORTH = re.compile(r"\b(awd|compass|from north)\b")  # words of a wind that does not count from the bow
-_ANGLE = re.compile(r"\b(twa|angle)\b")  # words of one that does
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 STRAIGHT = 0.6  # rad between track and heading up to which they point the same way
@@ -67,7 +62,7 @@ def decide(draft: Draft) -> None:
     check_rudder_clock(draft)
     _rudder(draft)
     _revolutions(draft)
-    _apparent_wind(draft)
+    ask_apparent_wind(draft)
     check_clocks(draft)
     if draft.mirror:
         body = "flu" if draft.map.body != "flu" else "frd"
@@ -78,27 +73,6 @@ def decide(draft: Draft) -> None:
             f"which axes? ned ({WORLD_WORDS['ned']}) is set; enu ({WORLD_WORDS['enu']}) fits as well, as "
             f"its mirror "
             f'image: then set world = "enu"{rest}, rudder_positive = "{side}"',
-        )
-
-
-def _apparent_wind(draft: Draft) -> None:
-    """A wind whose name says that it is the one on board; `wind_speed`, `wind_from` are of the true one."""
-    columns = {role: draft.column(role) for role in ("wind_speed", "wind_from") if draft.has(role)}
-    named = {role: plain(column) for role, column in columns.items()}
-    from_north = _FROM_NORTH.search(named.get("wind_from", "")) is not None
-    if any(APPARENT.search(name) for name in named.values()):
-        which = "apparent by compass" if from_north else "apparent"
-        draft.ask(
-            2,
-            f"wind {and_list(list(columns.values()))} looks like the apparent one, past the moving vehicle; "
-            f'is it? (read as the true one; else state `[corrections]` `wind = "{which}"` in the trial.toml '
-            'of the import: "apparent" counts from the bow, "apparent by compass" from north)',
-        )
-    elif _ANGLE.search(named.get("wind_from", "")):
-        draft.ask(
-            2,
-            f"wind {columns['wind_from']} is called an angle; does it count from the bow? (read as from "
-            'north; else state `[corrections]` `wind = "from the bow"` in the trial.toml of the import)',
         )
 
 

@@ -18,7 +18,7 @@ from bayesid.errors import TrialError, raise_all
 from bayesid.model.channels import channel
 from bayesid.model.units import scale
 from bayesid.trials.bundle import load_trial, make_trial
-from bayesid.trials.correction import Correction
+from bayesid.trials.correction import Correction, join
 from bayesid.trials.importing.axes import body_of
 from bayesid.trials.importing.bundle_out import trial_toml
 from bayesid.trials.importing.converting import resolve
@@ -59,12 +59,17 @@ def text_in_place(found: LogMap, sources: Sequence[Path]) -> str:
     paths = {path.name: path for path in sources}
     log = next(iter(open_recording(found, runs[0].run.files, paths).logs.values()))
     columns, correction = _stated(found, log)
+    more = found.corrections or Correction()
+    together = more if correction == Correction() else join([correction, more])
+    if together is None:
+        both = "scales, offsets or axes of the channels and the [corrections] of the map"
+        raise_all(ImportLogError, "cannot be read in place", [f"{both} do not go into one table"])
     zeros = [_zero(found, joined, paths) for joined in runs]
     shifted = [_in_log_time(joined, zero) for joined, zero in zip(runs, zeros, strict=True)]
     files = [joined.run.files[0] for joined in runs]
     vehicle = "vehicle.toml" if found.vehicle.endswith(".toml") else found.vehicle
-    _prove(trial_toml(found, shifted, files, "", columns, correction), found, runs, sources[0].parent)
-    return trial_toml(found, shifted, files, vehicle, columns, correction)
+    _prove(trial_toml(found, shifted, files, "", columns, together), found, runs, sources[0].parent)
+    return trial_toml(found, shifted, files, vehicle, columns, together)
 
 
 def needs_import(found: LogMap, sources: Sequence[Path]) -> list[str]:
@@ -76,6 +81,8 @@ def needs_import(found: LogMap, sources: Sequence[Path]) -> list[str]:
         out.append(f"{len(found.sources)} files are joined on time ({', '.join(found.sources)})")
     if found.step:
         out.append(f"the log is thinned to a step of {found.step:g} s")
+    if found.corrections is not None and (found.corrections.leave_out or found.corrections.from_time):
+        out.append("[corrections] name times, which an import counts from the begin of a log")
     for label, source in found.sources.items():
         options = source.options
         if options.clock not in ("relative", "unix") or len(options.time) != 1:
@@ -166,7 +173,7 @@ def _prove(text: str, found: LogMap, wanted: Sequence[Joined], folder: Path) -> 
 
 def _imported(found: LogMap, wanted: Sequence[Joined], place: Path) -> Trial:
     """The bundle an import would write, as its reader would read it."""
-    files = [f"{k}.csv" for k in range(len(wanted))]
+    files = [joined.run.files[0] for joined in wanted]  # runs of the same names, which [corrections] may name
     stated = Stated(tomllib.loads(trial_toml(found, wanted, files, "")))
 
     def table_of(entry: RunEntry) -> CsvTable:

@@ -19,6 +19,7 @@ from bayesid.trials.importing.converting import Origin, Recording, Series, conve
 from bayesid.trials.importing.log_map import LogMap, RunMap
 from bayesid.trials.importing.raw import ImportLogError, RawLog, Request
 from bayesid.trials.importing.readers import read_log
+from bayesid.trials.importing.stamp_words import told_of
 from bayesid.trials.trial import Floats
 from bayesid.words import counted
 
@@ -31,6 +32,7 @@ class Joined:
 
     start : UTC of t = 0, seconds since 1970, or None
     digests : file name of a log -> digest
+    stamps : what is odd about the stamps of the logs, as the proposal of a map says it too
     logs : files it is made of
     """
 
@@ -41,6 +43,7 @@ class Joined:
     start: float | None
     digests: Mapping[str, str]
     notices: tuple[str, ...] = ()
+    stamps: tuple[str, ...] = ()
     logs: tuple[Path, ...] = ()
 
 
@@ -216,6 +219,7 @@ def apply_map(
     paths = {p.name: p for p in sources}
     out = []
     origin = found.origin
+    told: tuple[str, ...] = ()
     kept: tuple[tuple[str, ...], Recording, dict[str, Series], dict[str, Origin]] | None = None
     for run in runs_of(found, sources):
         if kept is None or kept[0] != run.files:
@@ -223,6 +227,7 @@ def apply_map(
             series, notes, origin = convert(found, recording, origin)
             if not series:
                 raise ImportLogError(f"{', '.join(run.files)}: the map names no channel of these files")
+            told = tuple(told_of(found, recording.logs))
             kept = (run.files, recording, series, notes)
         _, recording, series, notes = kept
         t, data = join(series, run.window)
@@ -230,5 +235,6 @@ def apply_map(
             raise ImportLogError(f"run {run.name}: its window holds {t.size} samples")
         digests = {Path(log.path).name: log.digest for log in recording.logs.values()}
         logs = tuple(Path(log.path) for log in recording.logs.values())
-        out.append(Joined(run, t, data, notes, recording.start, digests, tuple(recording.notices), logs))
+        notices = tuple(recording.notices)
+        out.append(Joined(run, t, data, notes, recording.start, digests, notices, told, logs))
     return out, origin

@@ -15,6 +15,7 @@ from typing import Any
 
 from bayesid.errors import raise_all
 from bayesid.files import UnreadableError, read_regular
+from bayesid.trials.correction import Correction, read_correction
 from bayesid.trials.importing.clocks import CLOCKS, UNIT_SECONDS
 from bayesid.trials.importing.names import role_of_name
 from bayesid.trials.importing.raw import ImportLogError, SourceOptions
@@ -23,7 +24,7 @@ from bayesid.trials.trial import ROLES as RUN_ROLES
 
 _KEYS = (
     "format", "name", "questions", "vehicle", "dof", "world", "body", "rudder_positive", "origin", "step",
-    "attribution", "measured_point", "sources", "channels", "noise", "environment", "runs",
+    "attribution", "measured_point", "sources", "channels", "corrections", "noise", "environment", "runs",
 )  # fmt: skip
 _SOURCE_KEYS = (
     "files",
@@ -78,7 +79,8 @@ class RunMap:
 
 @dataclass(frozen=True)
 class LogMap:
-    """All that is known of a set of logs; origin in degrees, degrees, metres."""
+    """All that is known of a set of logs; origin in degrees, degrees, metres; corrections: as in trial.toml,
+    None where the map has no such table."""
 
     name: str = ""
     vehicle: str = ""
@@ -93,6 +95,7 @@ class LogMap:
     measured_point: tuple[float, float, float] | None = None
     sources: Mapping[str, SourceMap] = field(default_factory=dict)
     channels: Mapping[str, ChannelMap] = field(default_factory=dict)
+    corrections: Correction | None = None
     noise: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, float] = field(default_factory=dict)
     runs: tuple[RunMap, ...] = ()
@@ -239,10 +242,14 @@ class _Reader:
             measured_point=self.numbers(tree, "measured_point", 3, ""),
             sources=sources,
             channels=channels,
+            corrections=self.corrections(tree),
             noise=dict(self.table(tree, "noise")),
             environment=dict(self.table(tree, "environment")),
             runs=tuple(self.run(k, v) for k, v in enumerate(runs, 1)),
         )
+
+    def corrections(self, tree: Mapping[str, Any]) -> Correction | None:
+        return read_correction(tree["corrections"], self.problems) if "corrections" in tree else None
 
     def source(self, label: str, table: Any) -> SourceMap:
         place = f"[sources.{label}] "

@@ -9,8 +9,10 @@ import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from bayesid.trials.correction import WIND
 from bayesid.trials.importing.log_map import ChannelMap, LogMap
 from bayesid.trials.importing.roles import BODY_WORDS, ROLES, WORLD_WORDS
+from bayesid.trials.true_wind import TRUE
 from bayesid.trials.write import toml_text
 
 
@@ -81,9 +83,12 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
     lines += ["", "[channels]  # what = { from = series, unit = its unit, scale and offset if any }"]
     width = max((len(_entry(role, entry)) for role, entry in found.channels.items()), default=0)
     for role, entry in found.channels.items():
-        lines.append(f"{_entry(role, entry).ljust(min(width, 70))}  # {ROLES[role].meaning}")
+        lines.append(f"{_entry(role, entry).ljust(min(width, 70))}  # {_meaning(found, role)}")
     if unused:
         lines += [f"# not used: {', '.join(map(repr, unused[:40]))}" + (" ..." if len(unused) > 40 else "")]
+    if found.corrections is not None:
+        lines += ["", "[corrections]  # of trial.toml, applied to what is read by the lines above"]
+        lines += found.corrections.lines(digits=15)
     for key, table in (("noise", found.noise), ("environment", found.environment)):
         if table:
             lines += ["", f"[{key}]", *(f"{toml_text(k)} = {v!r}" for k, v in table.items())]
@@ -101,6 +106,12 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         if run.notes:
             lines.append(f"notes = {toml_text(run.notes)}")
     return "\n".join(lines) + "\n"
+
+
+def _meaning(found: LogMap, role: str) -> str:
+    if role in WIND and found.corrections is not None and found.corrections.wind != TRUE:
+        return f"wind read on board ({found.corrections.wind}); [corrections] makes it the true one"
+    return ROLES[role].meaning
 
 
 def _key(label: str) -> str:

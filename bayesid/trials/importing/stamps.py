@@ -5,72 +5,36 @@ Asks and remarks in a `Draft`. Does not: change stamps, but for the proposal to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from bayesid.trials.assemble import ROUNDED, SET_BACK
-from bayesid.trials.equal_times import rows_behind
-from bayesid.trials.health import uneven_steps
+from bayesid.trials.assemble import ROUNDED
 from bayesid.trials.importing.agreement import held
 from bayesid.trials.importing.converting import Recording, convert, resolve
 from bayesid.trials.importing.cutting import BETWEEN_RUNS, BETWEEN_STEPS
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.raw import RawLog
+from bayesid.trials.importing.stamp_words import (
+    Stamps,
+    columns_of,
+    look_into,
+    rounded_words,
+    set_back_words,
+    small_words,
+)
 from bayesid.trials.trial import Floats
 
-GAP, SHORTEST = 10.0, 2.0  # times the usual step, and seconds
 # Of the usual difference between successive readings; never more than an angle that is no noise of a rudder.
 BEYOND_NOISE, NO_NOISE = 6.0, np.radians(1.0)
-
-
-@dataclass(frozen=True)
-class Stamps:
-    """What the stamps of a log, in the order of its rows, are like.
-
-    equal : share of rows that repeat the stamp before; late : rows behind an earlier one, singly
-    set_back : (time before [s], step back [s]) of every place from which on the clock runs behind
-    gaps : (start [s], length [s]); usual : median step that is not zero [s]
-    uneven : 15th and 85th per cent of the steps [s] where they jitter, else None
-    """
-
-    equal: float
-    late: int
-    set_back: tuple[tuple[float, float], ...]
-    gaps: tuple[tuple[float, float], ...]
-    usual: float
-    uneven: tuple[float, float] | None
-
-
-def look_at(t: Floats) -> Stamps | None:
-    """Stamps of rows in the order of the file; None for too few of them."""
-    t = t[np.isfinite(t)]
-    if t.size < 10:
-        return None
-    step = np.diff(t)
-    usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
-    top = np.maximum.accumulate(t)
-    first, last = rows_behind(t)
-    long = [(a, b) for a, b in zip(first, last, strict=True) if b - a >= SET_BACK]
-    late = int(sum(b - a for a, b in zip(first, last, strict=True) if b - a < SET_BACK))
-    wide = np.flatnonzero(step > max(GAP * usual, SHORTEST))
-    return Stamps(
-        float(np.mean(step == 0.0)),
-        late,
-        tuple((float(t[a - 1]), float(top[a] - t[a])) for a, _ in long),
-        tuple((float(t[k]), float(step[k])) for k in wide),
-        usual,
-        uneven_steps(step[step > 0]),
-    )
 
 
 def ask_stamps(draft: Draft) -> None:
     """Questions and remarks about the stamps of every log."""
     for recording in draft.recordings:
         for label, log in recording.logs.items():
-            channel = max(log.channels, key=lambda c: c.t.size, default=None)
-            found = None if channel is None else look_at(channel.t)
+            found = look_into(log, columns_of(draft.map, label))
             if found is not None:
                 _say(draft, label, log, found)
                 _ask_gaps(draft, recording, label, log, found)
@@ -79,30 +43,15 @@ def ask_stamps(draft: Draft) -> None:
 def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
     name = Path(log.path).name
     if found.set_back:
-        at, back = max(found.set_back, key=lambda item: item[1])
-        more = f" ({len(found.set_back)} times; the largest step)" if len(found.set_back) > 1 else ""
-        draft.ask(
-            0,
-            f"the clock of {name} is set back by {back:.3g} s after {at:.1f} s{more}: rows are sorted by "
-            "time, which mixes what was before and after; correct the file, or cut that time out by `window`",
-        )
+        draft.ask(0, set_back_words(name, found))
     if found.equal > ROUNDED:
-        each = 1.0 / (1.0 - found.equal)
         sources = dict(draft.map.sources)
         options = replace(sources[label].options, spread=True)
         sources[label] = replace(sources[label], options=options)
         draft.map = replace(draft.map, sources=sources)
-        draft.ask(
-            1,
-            f"stamps of {name} are rounded: about {each:.1f} rows have one stamp, {found.usual:.3g} s apart; "
-            f"spread = true in [sources.{label}] spreads rows evenly until the next stamp, right within "
-            f"{found.usual:.3g} s; better give the stamps with more digits",
-        )
-    elif found.equal > 0.0:
-        draft.remark(f"{name}: {found.equal:.1%} of the rows repeat a stamp; the last of each is read")
-    if found.late:
-        rows = "1 row is" if found.late == 1 else f"{found.late} rows are"
-        draft.remark(f"{name}: {rows} out of order and sorted by time")
+        draft.ask(1, rounded_words(name, label, found))
+    for text in small_words(name, found):
+        draft.remark(text)
     if found.uneven is not None and found.equal <= ROUNDED:
         low, high = found.uneven
         draft.remark(
