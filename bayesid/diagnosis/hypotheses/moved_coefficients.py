@@ -22,6 +22,7 @@ from bayesid.diagnosis.evidences import shares_of_wide
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, SensitivityBank
 from bayesid.diagnosis.threshold_table import ONE_COEFFICIENT
 from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.model.terms import term
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class StandsFor:
 def standing_for(
     problem: DiagnosisProblem, bank: SensitivityBank, fitted: FilterErrorFit, leaves: float, least: float
 ) -> tuple[StandsFor, ...]:
-    """Effects that stand for coefficients a fit puts beyond doubt further off than stated, the surest first.
+    """Effects that stand for coefficients of hull forces which a fit puts beyond doubt further off than stated,
+    the surest first.
 
     Parameters
     ----------
@@ -65,8 +67,8 @@ def standing_for(
         norm = np.sqrt(np.diag(total.ss)[: len(names)] * total.ss[j, j])
         alike = np.abs(total.ss[j, : len(names)]) / np.where(norm > 0.0, norm, np.inf)
         k = int(np.argmax(alike)) if alike.size else 0
-        if not alike.size or alike[k] ** 2 < ONE_COEFFICIENT:
-            continue
+        if not alike.size or alike[k] ** 2 < ONE_COEFFICIENT or term(names[k]).is_number:
+            continue  # a number of a propeller or rudder, as the thrust deduction, does what many causes do
         moved, error = _likelihood(fitted, names[k])
         surely = math.copysign(max(abs(moved) - math.sqrt(2.0 * leaves) * error, 0.0), moved)
         if abs(surely) < least:

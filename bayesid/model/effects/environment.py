@@ -90,7 +90,7 @@ EFFECTS = (
             EffectParameter(
                 "front",
                 "-",
-                0.5,
+                0.3,
                 low=-1,
                 shape=True,
                 about="area ahead beyond that assumed beside the one abeam, its share",
@@ -98,7 +98,7 @@ EFFECTS = (
             EffectParameter(
                 "centre",
                 "-",
-                0.05,
+                0.03,
                 shape=True,
                 about="centre of the side force before that assumed, over L",
             ),
