@@ -48,8 +48,8 @@ class StandsFor:
 def standing_for(
     problem: DiagnosisProblem, bank: SensitivityBank, fitted: FilterErrorFit, leaves: float, least: float
 ) -> tuple[StandsFor, ...]:
-    """Effects that stand for coefficients of hull forces which a fit puts beyond doubt further off than stated,
-    the surest first.
+    """Effects that stand for coefficients of hull forces which a fit puts beyond doubt further off than
+    stated, the surest first.
 
     Parameters
     ----------
