@@ -104,3 +104,13 @@ def test_an_order_that_begins_late_is_told_with_a_vehicle():
     )
     (told,) = orders_by_run(Trial("t", "remus100", "", 3, runs), load_vehicle("remus100"))
     assert "run r1 has no delta_r_cmd before t = 20 s" in told
+
+
+@pytest.mark.parametrize("line", ['drop = ["n_cmd"]', 'rename = { n_cmd = "n" }'])
+def test_an_order_that_corrections_drop_or_rename_is_not_said_to_be_missing(tmp_path, capsys, line):
+    """It said "no run has n_cmd, which the map names: correct `from` of each, or delete its line"."""
+    files = logs(tmp_path, a=SHAFT, b=SHAFT, c=SHAFT, d=SHAFT)
+    (tmp_path / "map.toml").write_text(MAP.format(vehicle="", shaft="shaft") + f"[corrections]\n{line}\n")
+    ordered = ["trial", "import", *files, "--map", str(tmp_path / "map.toml"), "--out", f"{tmp_path}/b"]
+    assert bayesid(ordered) == 0
+    assert "no run has n_cmd" not in capsys.readouterr().out

@@ -169,3 +169,42 @@ def test_where_a_wind_was_measured_its_sentence_tells_on_which_areas_it_acts():
     ship = build_model(load_vehicle(SHIP))
     assert said_of(ship.effects["wind"], ship, ["blowing_north"]) == ship.effects["wind"].says
     assert "not the measured one" in said_of(ship.effects["wind"], ship, ["gain"])
+
+
+def test_an_effect_with_a_slope_does_nothing_at_the_mean_of_its_prior():
+    """A screen takes residuals about these means: with the measured wind at area 1 every hypothesis had that
+    wind, no effect too, 59000 nats off."""
+    boat = build_model(load_vehicle("differential_boat"))
+    t = np.arange(0.0, 20.0, 0.5)
+    wind = {"wind_speed": np.full(t.size, 3.0), "wind_from": np.full(t.size, 1.0)}
+    orders = {"n_port_cmd": np.full(t.size, 800.0), "n_stbd_cmd": np.full(t.size, 600.0)}
+    plan, start = plan_run(boat, t, orders, exogenous=wind), steady_start(boat)
+    plain = simulate(boat, boat.nominal, plan, start, full=True).states
+    smooth = [e for e in boat.effects.values() if e.smooth and not e.as_form]
+    assert "wind" in {e.name for e in smooth}
+    for effect in smooth:
+        par = boat.nominal.copy()
+        par[[boat.index[effect.key(p.name)] for p in effect.parameters]] = [p.mean for p in effect.parameters]
+        states = simulate(boat, par, plan, start, full=True).states
+        assert states[:, :6] == pytest.approx(plain[:, :6], abs=1e-9), effect.name
+
+
+def test_a_fit_in_no_measured_wind_does_not_speak_of_one():
+    """`fit --with wind` of a log without an anemometer said that the measured wind is not the one that acts."""
+    found = fit_trial(calm(windy(0.0, seed=4)), load_vehicle(SHIP), free=["N_dr"], effects=["wind"])
+    (said,) = (w for w in effect_words(found) if "wind" in w)
+    assert "measured" not in said
+
+
+def test_areas_that_nothing_reads_or_that_are_nought_are_said():
+    none = boat_with(air_front=0.07, air_side=0.0)
+    (note,) = (f for f in check_vehicle(none) if "air_" in f.text)
+    assert note.level == "warning" and "one is 0" in note.text
+    beside = replace(boat_with(air_front=0.07, air_side=0.1), effects={"wind.area_coefficients": 1.0})
+    (note,) = (f for f in check_vehicle(beside) if "area_coefficients" in f.text)
+    assert note.level == "warning" and "gain = 1" in note.text
+
+
+def test_no_wind_is_weighed_far_below_the_surface_whatever_areas_are_stated():
+    for vehicle in (load_vehicle(SHIP), boat_with(air_front=0.07, air_side=0.1), load_vehicle("generic_sub")):
+        assert build_model(vehicle).effects["wind"].at_surface

@@ -264,12 +264,13 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     from bayesid.api.check import check, lacking_orders
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import check_bundle
+    from bayesid.trials.importing.again import corrected_channels
 
     trial = check_bundle(out)
     checked = check(trial, with_vehicle=False)
     _list(f"{counted(len(checked.mistakes), 'mistake')} in the log:", checked.mistakes)
     _list("Not enough to say anything:", checked.lacking)
-    lost = lacking_orders(trial, found.channels)
+    lost = lacking_orders(trial, corrected_channels(out, found.channels))
     _list("Orders that are not there:", lost)
     # what the reader noticed of a mistake is told with the mistake
     remarks = [w for w in trial.warnings if not {w, w.partition(".csv: ")[2]} & checked.same]

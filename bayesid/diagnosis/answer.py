@@ -20,6 +20,7 @@ from bayesid.diagnosis.failed_checks import (
     predicts_worse,
 )
 from bayesid.diagnosis.hypotheses.rules import (
+    BESIDE_FORM,
     LEFT_OUT_WORSE,
     MOTION_EVENT,
     NAMING,
@@ -142,7 +143,7 @@ def _headline(result: Result) -> str:
     if word == "none":
         return _none(result)
     if word == "coefficients":
-        far = moved_words(result)[:2]
+        far = moved_words(result, [s.coefficient for s in result.in_place_of])[:2]
         left = unexplained(result)
         acts = result.dependence is not None or result.in_place_of
         begins = "Coefficients" if acts else "No effect is needed, but coefficients"
@@ -276,16 +277,19 @@ def rivals(result: Result) -> list[tuple[str, float]]:
         result.verdict
     )
     left = [(n, p) for n, p in result.probabilities.items() if n not in named and n != own]
+    if result.rule == BESIDE_FORM:  # which is there in any case
+        left = [(n, p) for n, p in left if n != "model_form"]
     left.sort(key=lambda item: -item[1])
     return [(n, p) for n, p in left if p >= WORTH_A_WORD][:MOST_RIVALS]
 
 
 def _in_place_of(result: Result) -> list[str]:
-    """What would do the same as coefficients that are further off than stated, a sentence each."""
+    """What would do the same as coefficients that are further off than stated, a sentence for each."""
+    first = {s.coefficient: s for s in reversed(result.in_place_of)}
     return [
-        f"Or it is no wrong {s.coefficient} but {in_words(s.effect.name)}, which no run tells from it: "
+        f"Or it is no wrong {name} but {in_words(s.effect.name)}, which no run tells from it: "
         f"{lowered(sentence(s.effect))}"
-        for s in result.in_place_of
+        for name, s in first.items()
     ]
 
 
@@ -293,7 +297,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
     out = []
     if result.in_place_of and result.verdict != "coefficients":
         surest = result.in_place_of[0]
-        off = f"{surest.coefficient} lies at least {surest.moved:.1f} stated deviations off as well."
+        off = f"{surest.coefficient} lies further off than stated as well ({surest.moved:.1f} deviations)."
         out.append(" ".join([off, *_in_place_of(result)]))
     if result.verdict in NAMING:
         for e in result.effects:

@@ -17,12 +17,11 @@ from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.plain_words import Z95
 from bayesid.diagnosis.result_parts import Effect, InPlaceOf, Value
-from bayesid.diagnosis.size_names import contract, in_sentence, meanings, said_of
+from bayesid.diagnosis.size_names import UNTOLD, contract, in_sentence, meanings, said_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
-UNTOLD = 0.99  # part of a prior sd that is left of a parameter the log says nothing of
 
 
 def effects_found(

@@ -9,7 +9,7 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
-from bayesid.diagnosis.hypotheses.rules import NAMING, OTHER_DEPENDENCE
+from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
@@ -29,7 +29,7 @@ NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
 def needs_none(word: str, rule: str, set95: tuple[str, ...]) -> bool:
     """Whether a verdict stands on no effect, be it that a force with the place or a period explains more."""
-    return word in NEEDS_NONE or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
+    return word in NEEDS_NONE or rule == BESIDE_FORM or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
 
 
 def explanation(result: Result) -> tuple[str, ...]:

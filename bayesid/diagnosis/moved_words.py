@@ -6,6 +6,8 @@ stated uncertainty: a fit that keeps one of the others takes what it does for a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from bayesid.diagnosis.failed_checks import explanation
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import LEAST_MOVED, Moved
@@ -43,11 +45,12 @@ def _stated_deviations(m: Moved) -> float:
     return abs(m.retuned - m.given) / m.prior_sd
 
 
-def moved_words(result: Result) -> tuple[str, ...]:
+def moved_words(result: Result, first: Sequence[str] = ()) -> tuple[str, ...]:
     """Coefficients that the runs move out of their stated uncertainty, and how far, by re-tuning and with the
-    explanation where it does not keep them as given; the surest first."""
+    explanation where it does not keep them as given; those asked for first, then the surest."""
     out, both = [], bool(explanation(result)) and retuned(result)
     told = [name for name in _surely_moved(result) if _leaves(result.moved[name])]
+    told = [*(n for n in first if n in told), *(n for n in told if n not in first)]
     for name in told[:MOST_MOVED]:
         m = result.moved[name]
         with_it = f", explained {_change(m.explained, m.given)}" if both else ""

@@ -15,6 +15,7 @@ from bayesid.diagnosis.result_parts import Value
 from bayesid.equations.model import Model
 from bayesid.model.effects.declare import Effect, EffectParameter
 
+UNTOLD = 0.99  # part of a prior sd that is left of a parameter the log says nothing of
 WIND = ("blowing_north", "blowing_east")  # told as V_wind and from
 
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
-from bayesid.diagnosis.size_names import contract, in_sentence, said_of
+from bayesid.diagnosis.size_names import UNTOLD, contract, in_sentence, said_of
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.words import digits
 
@@ -113,5 +113,6 @@ def _effects(found: TrialFit) -> list[Effect]:
         }
         instead = {n: float(model.nominal[model.index[n]]) for n in declared.adjust if n in model.index}
         sizes = contract(name, known | values, {p.name: p.assumed for p in declared.parameters})
-        out.append(Effect(name, 1.0, sizes, says=said_of(declared, model, values), instead=instead))
+        told = [p for p, v in values.items() if v.sd < UNTOLD * model.prior_sd(declared.key(p))]
+        out.append(Effect(name, 1.0, sizes, says=said_of(declared, model, told), instead=instead))
     return out

@@ -11,6 +11,7 @@ of its deviations, and the rest is certain.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,10 +20,15 @@ from scipy.special import logsumexp
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidences import shares_of_wide
+from bayesid.diagnosis.hypotheses.probabilities import TWO_SIDED_95
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, SensitivityBank
 from bayesid.diagnosis.threshold_table import ONE_COEFFICIENT
 from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.model.effects import Effect
 from bayesid.model.terms import term
+
+# what an effect that multiplies coefficients is made of
+_SHARE = re.compile(r"\b(quadratic_drag|drag|rows|coef)\(")
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class StandsFor:
     ----------
     effect, coefficient : names
     size, sd : of the effect that moves the coefficient as the readings do [unit of its parameter]
-    moved : how far the coefficient surely lies from what was stated [stated standard deviations]
+    moved : how improbable that is of what was stated, as of a normal deviate, less what a form may leave
     certain : log evidence of the effect over no effect that no force of the motion takes away [nats]
     """
 
@@ -55,13 +61,13 @@ def standing_for(
     ----------
     fitted : with coefficients known as stated
     leaves : log evidence that a model form may leave; it moves an estimate by sqrt(2 leaves) deviations
-    least : stated standard deviations from which on a coefficient is further off than stated
+    least : normal deviate from which on a coefficient is further off than stated
     """
     model, total, names = problem.model, bank.total(0), list(problem.stated.names)
     out = []
     for name, columns in bank.effects.items():
         key = columns.effect.key(columns.effect.parameters[0].name)
-        if len(columns.effect.parameters) > 1 or not columns.effect.smooth or key in fitted.free.names:
+        if not _one_share(columns.effect) or key in fitted.free.names:
             continue
         j = int(columns.variants[0][0])
         norm = np.sqrt(np.diag(total.ss)[: len(names)] * total.ss[j, j])
@@ -69,21 +75,22 @@ def standing_for(
         k = int(np.argmax(alike)) if alike.size else 0
         if not alike.size or alike[k] ** 2 < ONE_COEFFICIENT or term(names[k]).is_number:
             continue  # a number of a propeller or rudder, as the thrust deduction, does what many causes do
-        moved, error = _likelihood(fitted, names[k])
-        surely = math.copysign(max(abs(moved) - math.sqrt(2.0 * leaves) * error, 0.0), moved)
-        if abs(surely) < least:
+        moved, left = _estimate(fitted, names[k])
+        form = math.sqrt(2.0 * leaves * left)
+        # a deviate of the prior's predictive distribution, small where the readings hardly tell
+        surely = max(abs(moved) / math.sqrt(1.0 - left) - form, 0.0)
+        at, stated = bank.par[problem.stated.where[k]], problem.stated.mean[k]
+        if surely < least or not at or not stated:
             continue
         # a share of the coefficient as the path has it, of which the stated one is another share
-        at, stated = bank.par[problem.stated.where[k]], problem.stated.mean[k]
-        per = float(total.ss[j, k] / total.ss[k, k]) * (stated / at if at else 1.0)
-        unit = model.prior_sd(key)
+        per = float(total.ss[j, k] / total.ss[k, k]) * stated / at
+        unit, error = model.prior_sd(key), math.sqrt(left / (1.0 - left))
         low, high = model.effect_limits.get(model.index[key], (-math.inf, math.inf))
-        size = moved / per * unit
+        size = moved / (1.0 - left) / per * unit
         if low <= size <= high:
-            certain = _gain(surely, 1.0 + per**2)
-            out.append(
-                StandsFor(name, names[k], size, abs(error / per) * unit, abs(surely), max(certain, 0.0))
-            )
+            certain = max(_gain(surely, 1.0 + per**2 * (1.0 - left)), 0.0)
+            sd = abs(math.hypot(error, error * math.sqrt(2.0 * leaves) / TWO_SIDED_95) / per) * unit
+            out.append(StandsFor(name, names[k], size, sd, surely, certain))
     return tuple(sorted(out, key=lambda s: -s.moved))
 
 
@@ -105,12 +112,21 @@ def certainly_wrong(stands: Sequence[StandsFor], tried: Sequence[str]) -> float:
     return max(float(logsumexp(gains, b=[share[n] for n in about])), 0.0)
 
 
-def _likelihood(fitted: FilterErrorFit, name: str) -> tuple[float, float]:
-    """Estimate of a coefficient by the readings alone and its deviation [stated standard deviations]."""
+def _one_share(effect: Effect) -> bool:
+    """Whether an effect is one share of coefficients and nothing else."""
+    return (
+        len(effect.parameters) == 1
+        and effect.smooth
+        and bool(effect.force)
+        and all(_SHARE.search(text) for text in effect.force.values())
+    )
+
+
+def _estimate(fitted: FilterErrorFit, name: str) -> tuple[float, float]:
+    """Estimate of a coefficient from what was stated, and what is left of its variance, of that stated."""
     i = fitted.free.names.index(name)
     moved = float((fitted.values[i] - fitted.free.mean[i]) / fitted.free.sd[i])
-    left = min(float(fitted.sd[i] / fitted.free.sd[i]), 1.0 - 1e-9) ** 2
-    return moved / (1.0 - left), math.sqrt(left / (1.0 - left))
+    return moved, min(float(fitted.sd[i] / fitted.free.sd[i]) ** 2, 1.0 - 1e-9)
 
 
 def _gain(moved: float, wider: float) -> float:

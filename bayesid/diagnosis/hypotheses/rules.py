@@ -32,6 +32,7 @@ LEEWAY = "leeway reads the same"
 CAUSE_OR_FORM = "unlisted cause or a force of the motion"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
 OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
+BESIDE_FORM = "coefficient beside a model form"
 OUTSIDE_SAID = (MOTION_EVENT, OTHER_DEPENDENCE)  # rules that say what is outside the list
 LEFT_OUT_WORSE = "left-out runs predicted worse"  # said of two checks that fail, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
@@ -89,7 +90,7 @@ RULES: tuple[Rule, ...] = (
         silent="model_form",
     ),
     Rule(
-        "coefficient beside a model form",
+        BESIDE_FORM,
         lambda f: f.form and f.moved and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
         "coefficients", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed; whatever it is, a "

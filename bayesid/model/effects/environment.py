@@ -82,8 +82,7 @@ EFFECTS = (
             EffectParameter(
                 "area_coefficients",
                 "-",
-                0.7,
-                mean=1.0,
+                1.0,
                 one_sided=True,
                 about="exposed areas over the assumed ones, measured wind",
             ),

@@ -22,7 +22,7 @@ def _air(axis: str, north: str, east: str) -> str:
     b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
     square = f"({a}*{a} + {b}*{b} + 1e-6)"
     along = f"({_AHEAD} + {_ASTERN - _AHEAD}*step({a}))"
-    share = f"{along}*air_front/({_ABEAM}*air_side)"
+    share = f"{along}*air_front/({_ABEAM}*max(air_side, 1e-9))"
     down = f"(1 - {2 * _CROSS}*(1 - {share})*{a}*{a}*{b}*{b}/({square}*{square}))"
     pressure = f"0.5*{_RHO_AIR}*L*L*sqrt{square}/{down}"
     side = f"{pressure}*air_side*{_ABEAM}*(1 + side)*{b}"
@@ -65,6 +65,7 @@ WIND_ON_AREAS = Effect(
     says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
     says_over="The wind that acts is not the measured one: {gain:-} times that, and {V_wind:m/s} from "
     "{from:bearing} beside it.",
+    at_surface=True,
     family="earth_force",
     port="force",
     where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),

@@ -48,6 +48,7 @@ NEGATIVE = {
 }
 #: rows that added mass alone would fix, apart from those that also hold lift and drag
 POTENTIAL_TOLERANCE = 0.25
+AREA_SHARE = "wind.area_coefficients"
 VISCOUS = ("Y_v", "Y_r", "N_v", "N_r", "Z_w", "Z_q", "M_w", "M_q", "N_p", "Y_p", "K_p", "K_r", "K_v")
 #: mass over rho L^3, from a racing shell (1.6e-4) to a solid cube (1), and radius of gyration over length,
 #: which the built-in vehicles have between .24 and .34, and a body with all its mass at both ends at .5
@@ -204,6 +205,11 @@ def _weight(vehicle: Vehicle) -> list[Finding]:
 def _air(vehicle: Vehicle) -> list[Finding]:
     """What a file that states some of what the air pushes on leaves to be assumed."""
     missing = [name for name in AREAS if name not in vehicle.dimensions]
+    if vehicle.areas_stated and any(vehicle.dimensions.get(name) == 0.0 for name in AREAS):
+        return [Finding("warning", f"{and_list(AREAS)}: one is 0, where air pushes on the other")]
+    if vehicle.areas_stated and AREA_SHARE in vehicle.effects:
+        unread = f"{AREA_SHARE} of [effects] is read where no areas are stated: here `gain = 1` lets wind act"
+        return [Finding("warning", unread)]
     if vehicle.areas_stated and missing:
         assumed = f"{missing[0]} = {AIR[missing[0]]:g}, of a loaded tanker, is assumed: it is not stated"
         return [Finding("note", assumed)]

@@ -14,7 +14,7 @@ import os
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -121,6 +121,13 @@ def import_again(
     hand = () if own is None or own == found.corrections else own.lines(digits=15)
     kept, lost = (hand, ()) if keep is not None else ((), hand)
     return Replaced(tables, removed, aside, left, vehicle, results, kept, lost)
+
+
+def corrected_channels(folder: Path, names: Iterable[str]) -> tuple[str, ...]:
+    """Names of the channels of a bundle after its [corrections] have dropped and renamed some."""
+    table = tomllib.loads((folder / TRIAL).read_text(encoding="utf-8-sig")).get("corrections", {})
+    found = read_correction(table, []) if isinstance(table, dict) else Correction()
+    return tuple(found.rename.get(n, n) for n in names if n not in found.drop)
 
 
 def _corrections_by_hand(folder: Path, before: dict[str, Any]) -> Correction | None:
