@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 LEAST_ALIKE = 0.6  # ratio of `difflib` from which a known name is taken for what was meant
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 WRITTEN_OUT = 1e7  # below it a large number is written without a power of ten
 
 
@@ -63,3 +64,15 @@ def decimal_comma(text: bytes, error: ValueError) -> str:
     at = int(line[1]) - 1
     found = re.search(r"=\s*([+-]?\d+),(\d+)\s*(#|$)", lines[at]) if at < len(lines) else None
     return f"; is {found[1]},{found[2]} meant as {found[1]}.{found[2]}?" if found else ""
+
+
+def grouped(warnings: Sequence[str]) -> list[str]:
+    """Remarks that differ in run and number alone as one, with how many runs have it."""
+    groups: dict[str, list[str]] = {}
+    for text in warnings:
+        file, mark, rest = text.partition(".csv: ")
+        key = _NUMBER.sub("#", rest) if mark and " " not in file else text
+        groups.setdefault(key, []).append(text)
+    return [
+        g[0] if len(g) == 1 else f"{g[0]} (and alike in {len(g) - 1} other runs)" for g in groups.values()
+    ]

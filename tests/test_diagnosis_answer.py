@@ -23,7 +23,16 @@ from bayesid.diagnosis.hypotheses.rules import (
     UNSURE,
 )
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence, size_words
-from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, StretchFound, Value
+from bayesid.diagnosis.result_parts import (
+    Effect,
+    InPlaceOf,
+    Moved,
+    Refit,
+    Retuning,
+    RunError,
+    StretchFound,
+    Value,
+)
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.third_model import explained_words
@@ -147,6 +156,32 @@ def test_a_wind_of_no_speed_worth_telling_comes_from_no_direction():
     told = Effect("wind", 1.0, contract("wind", found), {}, "", wind.says)
     assert "0.21 m/s from any direction acts" in sentence(told)
     assert intervals(told) == ["0.21 m/s (95 %: 0.00 to 1.58)", "any direction"]
+
+
+def a_fouled_hull(moved, certain):
+    """`RESULT` with a coefficient of drag that fouling would move as well."""
+    effect = next(e for e in CATALOGUE if e.name == "hull_fouling")
+    told = Effect(effect.name, 0.0, {"drag_increase": Value(0.5, 0.02, "-")}, says=effect.says)
+    drag = Moved(given=-2.0, prior_sd=0.2, retuned=-3.0, explained=-3.0, retuned_sd=0.04, explained_sd=0.04)
+    spin = Moved(given=-1.0, prior_sd=0.2, retuned=-2.0, explained=-2.0, retuned_sd=0.001, explained_sd=0.001)
+    here = (InPlaceOf(told, "X_u|u|", moved, certain),)
+    return replace(RESULT, moved={"X_u|u|": drag, "N_r": spin}, in_place_of=here)
+
+
+def test_an_effect_that_does_what_a_coefficient_does_is_told_where_that_is_certainly_off():
+    off, within = a_fouled_hull(5.0, True), a_fouled_hull(2.0, False)
+    said = (
+        "Or it is no wrong X_u|u| but hull fouling, which no run tells from it: the hull has 50 % more drag"
+    )
+    for word in ("coefficients", "effect"):
+        told = answer(replace(off, verdict=word))
+        assert said in (told.headline if word == "coefficients" else " ".join(told.certainty))
+        assert "No effect is needed" not in told.headline
+        silent = answer(replace(within, verdict=word))
+        assert "Or it is no wrong" not in silent.headline + " ".join(silent.certainty)
+    for each in (off, within):  # before a coefficient that moves more surely
+        assert answer(each).moved[0].startswith("X_u|u| +50 ± 2 %")
+        assert "as hull fouling would move it" in answer(each).moved[0]
 
 
 def test_what_a_report_says_to_simulate_with_is_what_a_simulation_takes():

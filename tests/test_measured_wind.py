@@ -190,7 +190,7 @@ def test_an_effect_with_a_slope_does_nothing_at_the_mean_of_its_prior():
 
 
 def test_a_fit_in_no_measured_wind_does_not_speak_of_one():
-    """`fit --with wind` of a log without an anemometer said that the measured wind is not the one that acts."""
+    """`fit --with wind` of a log without an anemometer said that the measured wind is not what acts."""
     found = fit_trial(calm(windy(0.0, seed=4)), load_vehicle(SHIP), free=["N_dr"], effects=["wind"])
     (said,) = (w for w in effect_words(found) if "wind" in w)
     assert "measured" not in said

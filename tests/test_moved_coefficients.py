@@ -95,7 +95,7 @@ def test_a_coefficient_the_readings_hardly_tell_is_not_said_to_be_off():
 
 
 def test_a_force_that_is_no_share_of_coefficients_stands_for_none():
-    """A line that is dragged brakes a straight run as drag does, and is no share of it; of nothing none is."""
+    """A line that is dragged brakes a straight run as drag does and is no share of it; of nothing none is."""
     assert standing_for(*case(force="-share*u*abs(u)"), 0.0, 3.0) == ()
     assert standing_for(*case(stated=0.0), 0.0, 3.0) == ()
 

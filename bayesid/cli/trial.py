@@ -108,7 +108,7 @@ def _print(
 ) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.model.vehicles.orders import has_fins
-    from bayesid.report.input import grouped
+    from bayesid.words import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
     held = f" ({len(summary['holdout'])} of them held out)" if summary["holdout"] else ""

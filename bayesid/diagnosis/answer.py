@@ -30,7 +30,7 @@ from bayesid.diagnosis.hypotheses.rules import (
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import Effect, RunError
+from bayesid.diagnosis.result_parts import Effect, InPlaceOf, RunError
 from bayesid.diagnosis.run_errors import (
     ErrorRow,
     closes,
@@ -107,7 +107,7 @@ def answer(result: Result, places: Places = NOWHERE) -> Answer:
         error_rows(shown) if shown is not None else (),
         ("as given", "re-tuned", in_its_place(result) or "explained"),
         explained_words(result),
-        moved_words(result),
+        moved_words(result, [s.coefficient for s in result.in_place_of]),
         (*mistake_certainty(result), *_certainty(result)),
         (*mistake_steps(result), *_steps(result, places)),
     )
@@ -143,9 +143,9 @@ def _headline(result: Result) -> str:
     if word == "none":
         return _none(result)
     if word == "coefficients":
-        far = moved_words(result, [s.coefficient for s in result.in_place_of])[:2]
+        far = moved_words(result, [s.coefficient for s in _certain(result)])[:2]
         left = unexplained(result)
-        acts = result.dependence is not None or result.in_place_of
+        acts = result.dependence is not None or _certain(result)
         begins = "Coefficients" if acts else "No effect is needed, but coefficients"
         said = f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".")
         return " ".join([said, *_in_place_of(result)]) + left
@@ -283,9 +283,14 @@ def rivals(result: Result) -> list[tuple[str, float]]:
     return [(n, p) for n, p in left if p >= WORTH_A_WORD][:MOST_RIVALS]
 
 
+def _certain(result: Result) -> list[InPlaceOf]:
+    """What stands for coefficients certainly further off than stated."""
+    return [s for s in result.in_place_of if s.certain]
+
+
 def _in_place_of(result: Result) -> list[str]:
     """What would do the same as coefficients that are further off than stated, a sentence for each."""
-    first = {s.coefficient: s for s in reversed(result.in_place_of)}
+    first = {s.coefficient: s for s in reversed(_certain(result))}
     return [
         f"Or it is no wrong {name} but {in_words(s.effect.name)}, which no run tells from it: "
         f"{lowered(sentence(s.effect))}"
@@ -295,8 +300,8 @@ def _in_place_of(result: Result) -> list[str]:
 
 def _certainty(result: Result) -> tuple[str, ...]:
     out = []
-    if result.in_place_of and result.verdict != "coefficients":
-        surest = result.in_place_of[0]
+    if (sure := _certain(result)) and result.verdict != "coefficients":
+        surest = sure[0]
         off = f"{surest.coefficient} lies further off than stated as well ({surest.moved:.1f} deviations)."
         out.append(" ".join([off, *_in_place_of(result)]))
     if result.verdict in NAMING:

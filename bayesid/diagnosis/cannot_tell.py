@@ -132,7 +132,8 @@ def _chances(result: Result) -> list[tuple[str, float]]:
     causes = [n for n in result.set95 if n not in ("none", "model_form")]
     told = result.acting if result.together > POSSIBLE else result.probabilities
     # what stands for a coefficient beside another cause has a sentence of its own
-    apart = {COEFFICIENT_ERROR, *(s.effect.name for s in result.in_place_of)} if result.in_place_of else set()
+    apart = {s.effect.name for s in result.in_place_of if s.certain}
+    apart |= {COEFFICIENT_ERROR} if apart else set()
     causes = [n for n in causes if n not in apart or told.get(n, 0.0) >= 0.01]
     return sorted(((n, told.get(n, 0.0)) for n in causes), key=lambda c: -c[1])[:MOST_RIVALS]
 

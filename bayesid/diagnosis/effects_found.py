@@ -16,11 +16,12 @@ from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.plain_words import Z95
-from bayesid.diagnosis.result_parts import Effect, InPlaceOf, Value
+from bayesid.diagnosis.result_parts import SURELY_MOVED, Effect, InPlaceOf, Value
 from bayesid.diagnosis.size_names import UNTOLD, contract, in_sentence, meanings, said_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
+LEAST_SHARE = 0.1  # of a coefficient, from which an effect within what was stated is told
 WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
 
 
@@ -80,17 +81,20 @@ def effects_found(
 def in_place_of(
     model: Model, c: HypothesisComparison, verdict: Verdict, acting: Mapping[str, float]
 ) -> tuple[InPlaceOf, ...]:
-    """What stands for a coefficient that is off, where the verdict has room for it and does not name it."""
-    out = []
+    """What stands for a coefficient elsewhere than stated, where the verdict does not name it: for one
+    certainly off where the verdict has room for that, and else where its size is told for sure.
+    """
     # where coefficients are the answer, also what would be the best explanation
     off = {"none": (), "outside": (), "coefficients": c.off}.get(verdict.word, c.stand)
-    for s in off:
+    small = [s for s in c.within if abs(s.size) > max(SURELY_MOVED * s.sd, LEAST_SHARE)]
+    out = []
+    for s in (*off, *(s for s in small if s.effect not in {o.effect for o in off})):
         effect = model.effects[s.effect]
         (size,) = effect.parameters
         value = _value(s.size, s.sd, size.unit, (None, None))
         told = Effect(s.effect, acting.get(s.effect, 0.0), {size.name: value}, says=effect.says)
         if s.effect not in verdict.effects:
-            out.append(InPlaceOf(told, s.coefficient, s.moved))
+            out.append(InPlaceOf(told, s.coefficient, s.moved, s in off))
     return tuple(out)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bayesid.diagnosis.failed_checks import explanation
+from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import LEAST_MOVED, Moved
 from bayesid.words import digits
@@ -55,6 +56,8 @@ def moved_words(result: Result, first: Sequence[str] = ()) -> tuple[str, ...]:
         m = result.moved[name]
         with_it = f", explained {_change(m.explained, m.given)}" if both else ""
         far = f"{_stated_deviations(m):.1f} times its stated uncertainty"
+        alike = (in_words(s.effect.name) for s in result.in_place_of if s.coefficient == name)
+        far += "".join(f", as {effect} would move it" for effect in alike)
         of = "completed from the convention of the file, not stated" if m.completed else far
         out.append(f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({of}{with_it})")
     return tuple(out)

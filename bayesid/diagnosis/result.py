@@ -263,8 +263,9 @@ class Result:
     in_place_of: Annotated[
         tuple[InPlaceOf, ...],
         About(
-            "Effects that would do what coefficients do which the runs put further off than stated, whatever "
-            "force the equations lack; no run tells the two apart."
+            "Effects that would do what coefficients do which the runs put elsewhere than stated, whatever "
+            "force the equations lack; no run tells the two apart. Those of coefficients certainly further "
+            "off than stated are in set95."
         ),
     ] = ()
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)

@@ -315,13 +315,14 @@ class Moved:
 
 @dataclass(frozen=True)
 class InPlaceOf:
-    """An effect that does what a coefficient does which the runs put certainly further off than stated."""
+    """An effect that does what a coefficient does which the runs put elsewhere than it was stated."""
 
     effect: Effect
     coefficient: str
-    moved: Annotated[
-        float, About("How far the coefficient certainly lies off, in stated standard deviations.")
-    ]
+    moved: Annotated[float, About("How far the coefficient certainly lies off, as a normal deviate.")]
+    certain: Annotated[
+        bool, About("Whether that is further than stated; else its size is told, no more.")
+    ] = True
 
 
 @dataclass(frozen=True)

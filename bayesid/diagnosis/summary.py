@@ -15,6 +15,7 @@ from bayesid.diagnosis.moved_words import moved_title
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 from bayesid.places import NOWHERE, Places
+from bayesid.words import grouped
 
 _SIGNED_ZERO = re.compile(r"(?<![\w.])[+-](0(?:\.0+)?)(?!\.?\d)")
 
@@ -31,7 +32,8 @@ def notes(result: Result) -> tuple[str, ...]:
 
 
 def summary(result: Result, verbose: bool = False, places: Places = NOWHERE) -> str:
-    """Answer, failed checks, errors three ways, how sure, what next, notes; `verbose` adds the evidence."""
+    """Answer, failed checks, errors three ways, how sure, what next, notes; `verbose` adds the evidence, and
+    the notes of every run."""
     a = answer(result, places)
     out = [a.headline]
     if a.outcome:
@@ -42,7 +44,7 @@ def summary(result: Result, verbose: bool = False, places: Places = NOWHERE) -> 
     out += _listed("how sure, and what else it could be", a.certainty)
     out += _listed(moved_title(result), a.moved)
     out += _listed("what to do next", a.steps)
-    out += _listed("notes", notes(result))
+    out += _listed("notes", notes(result) if verbose else grouped(notes(result)))
     out.append(f"\nverdict: {result.verdict}; 95 % set: {', '.join(result.set95)}")
     if verbose:
         described = result.description.sentences if result.description else ()

@@ -6,7 +6,6 @@ Takes an `InputCheck`. Does not judge.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,6 @@ from bayesid.trials.correction import join
 from bayesid.trials.mistakes import InputCheck, InputFinding
 from bayesid.words import and_list
 
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 TOLD = {
     "track": "the track against speed and heading", "course": "the course against the heading",
     "yaw": "the heading against the yaw rate", "depth": "the depth against speed and pitch",
@@ -84,18 +82,6 @@ def in_order_line(check: InputCheck) -> str:
         why = "not to be checked for noise, little motion or what no mistake on the list explains"
         good += f"; {why}: {', '.join(check.noisy)}"
     return good
-
-
-def grouped(warnings: Sequence[str]) -> list[str]:
-    """Remarks that differ in run and number alone as one, with how many runs have it."""
-    groups: dict[str, list[str]] = {}
-    for text in warnings:
-        file, mark, rest = text.partition(".csv: ")
-        key = _NUMBER.sub("#", rest) if mark and " " not in file else text
-        groups.setdefault(key, []).append(text)
-    return [
-        g[0] if len(g) == 1 else f"{g[0]} (and alike in {len(g) - 1} other runs)" for g in groups.values()
-    ]
 
 
 def check_record(check: InputCheck) -> dict[str, Any]:

@@ -98,6 +98,7 @@ class HypothesisComparison:
     error : how far evidence between causes holds where the equations lack a form
     sets : names that act together, sorted -> probability of exactly these
     off, stand : effects that stand for coefficients certainly off, without any effect and beside the best
+    within : those that stand beside the best for coefficients within what was stated
     """
 
     none: RefittedHypothesis
@@ -119,6 +120,7 @@ class HypothesisComparison:
     sets: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     off: tuple[StandsFor, ...] = ()
     stand: tuple[StandsFor, ...] = ()
+    within: tuple[StandsFor, ...] = ()
 
     @property
     def best(self) -> RefittedHypothesis:
@@ -310,9 +312,9 @@ def weigh(
     places = {e.name: e.where for e in single.effects}
     least = max(PRIOR_CONFLICT, limits.conflict)
     off = standing_for(problem, single.bank, none.fit, FORM_LEAVES * carried, least)
-    stand = off
-    if best is not none and not best.widens:
-        stand = standing_for(problem, single.bank, best.fit, FORM_LEAVES * beside, least)
+    shown, leaves = (none, carried) if best.widens else (best, beside)
+    alike = standing_for(problem, single.bank, shown.fit, FORM_LEAVES * leaves, 0.0)
+    stand = tuple(s for s in alike if s.moved >= least)
     error = _form_error(problem, best, refits, beside, off, list(single.wide))
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
@@ -333,6 +335,7 @@ def weigh(
         sets=weights.sets,
         off=off,
         stand=stand,
+        within=tuple(s for s in alike if s.moved < least),
     )
 
 

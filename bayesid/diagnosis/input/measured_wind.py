@@ -49,6 +49,7 @@ GAIN_SD = 0.25
 # Readings above which dense ones are averaged; log odds behind the best from which on none is fitted, and how
 # many mistakes are
 MOST_SAMPLES, RULED_OUT, MOST_FITTED = 2_000, 20.0, 2
+CALM = 0.15  # mean true wind over the vehicle's speed below which its direction is noise
 WORTH_THINNING = 2.0  # times as many samples
 # What may act beside a reading of the wind, and what may not: another wind than the one that was read.
 BESIDE: tuple[tuple[str, ...], ...] = ((), ("wind",), ("ocean_current",), ("wind", "ocean_current"))
@@ -112,6 +113,8 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
     runs = [run for run in trial.identify if set(run.exogenous) >= WIND]
     if not runs or model.vehicle.effects.get(GAIN, 0.0) == 0.0 or "wind" not in model.effects:
         return WindCheck()
+    if all(_calm(run, model.scales["U"]) for run in runs):
+        return WindCheck()  # in calm air an anemometer made true reads its own noise
     try:
         size = model.scales["L"], model.scales["U"]
         seen = _short(with_seen_noise(replace(trial, runs=tuple(runs)), size), size)
@@ -240,6 +243,11 @@ def _difference(read: Sequence[Run], mended: Sequence[Run]) -> float:
     a, b = (np.concatenate([_vector(run) for run in some]) for some in (read, mended))
     level = max(float(np.nanmean(np.abs(w) ** 2)) for w in (a, b))
     return float(np.sqrt(np.nanmean(np.abs(a - b) ** 2) / level)) if level > 0.0 else 0.0
+
+
+def _calm(run: Run, speed: float) -> bool:
+    """Whether the wind of a run is weak beside the speed of the vehicle, by what does not average out."""
+    return bool(abs(np.nanmean(_vector(run))) < CALM * speed)
 
 
 def _vector(run: Run) -> np.ndarray:

@@ -109,10 +109,10 @@ def _plausible(
 ) -> None:
     length, breadth, draught = (v[key] or 1.0 for key in ("length", "breadth", "draught"))
     for key, volume in volumes.items():
-        if not 0.35 < volume / box < 0.95:
+        if not 0.28 < volume / box < 0.95:
             problems.append(
-                f"{key} gives a block coefficient of {volume / box:.2f}; ships have 0.45 to 0.9: check "
-                "length, breadth, draught [m] and mass [kg]"
+                f"{key} gives a block coefficient of {volume / box:.2f}; ships have 0.45 to 0.9, boats from "
+                "0.3 on: check length, breadth, draught [m] and mass [kg]"
             )
     low, high = min(volumes.values()), max(volumes.values())
     if high > 1.05 * low:
@@ -125,9 +125,10 @@ def _plausible(
         )
     if abs(v["x_G"] or 0.0) > 0.1 * length:
         problems.append(f"x_G is {v['x_G']:g} m, counted from midship; it is within 10 % of the length")
-    if (v["propeller_diameter"] or 0.0) > draught or (v["rudder_span"] or 0.0) > 1.2 * draught:
+    # those of a boat hang below the canoe body whose draught this is
+    if (v["propeller_diameter"] or 0.0) > 1.3 * draught or (v["rudder_span"] or 0.0) > 1.6 * draught:
         problems.append(
-            "propeller or rudder is larger than the draught; propeller_diameter, rudder_span are in m"
+            "propeller or rudder is much larger than the draught; propeller_diameter, rudder_span are in m"
         )
     if (v["rudder_area"] or 0.0) > 0.1 * length * draught:
         problems.append("rudder_area is more than 10 % of length times draught; it is in m2")
