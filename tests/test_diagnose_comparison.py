@@ -62,10 +62,11 @@ class World:
             ),
             "levels_between": lambda problem, level: level,
             "screen": lambda bank: [Plain(name=n, gain=g) for n, g in self.gains.items()],
+            "standing_for": lambda problem, bank, fitted, leaves, least: (),
             "isolability": lambda bank: "alike",
             "tried": lambda problem: 7,
             "thresholds": lambda bank, tried, seed: self._kept(
-                "thresholds", (tried, seed), Plain(named=3.0, remainder=12.0)
+                "thresholds", (tried, seed), Plain(named=3.0, remainder=12.0, conflict=3.0)
             ),
             "locate": lambda problem, points, free: self._kept("locate", points, self.where),
             "widened": lambda bank, names: {w.effects[0]: 1.0 for w in wide},
@@ -394,7 +395,11 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
     for k, c in enumerate(refits):
         c.fit.equations = np.full(4, float(k))
     problem = Plain(model=Plain(kernel=Plain(effects=())))
-    found = comparison._form_error(problem, refits[0], refits, 100.0)
+    off = (Plain(effect="wind", coefficient="N_r", moved=5.0, certain=9.0),)
+    found = comparison._form_error(problem, refits[0], refits, 100.0, off, ["N_r"])
+    # what a coefficient certainly off says is sure of the effect, of sets that have it, and of a wrong one
+    assert found.holds[("wind",)] == found.holds[("lag", "wind")] == 9.0
+    assert found.holds[("coefficient_error",)] > 3.0 and ("lag",) not in found.holds
     assert list(found.by_run) == [("lag", "wind")]
     assert np.all(found.by_run[("lag", "wind")] == 0.0)  # of two searches of one set, the better
     assert found.leaves == 50.0

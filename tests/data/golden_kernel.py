@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-EQUATIONS = "c784b17aaee9417f"
+EQUATIONS = "d75129a2296e8561"
 LANES = 16
 PARAMETERS = (
     'm', 'Izz', 'x_G', 'y_G', 'L', 'rho', 'height', 'rpm_ref', 'U_ref', 'point_x', 'point_y', 'W', 'B',
