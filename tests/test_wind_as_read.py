@@ -151,6 +151,19 @@ def test_of_a_calm_that_is_measured_no_direction_is_in_order():
     assert found.asked and not found.in_order and found.finding is None and found.remark is None
 
 
+def test_in_calm_air_the_noise_of_an_anemometer_is_not_held_against_the_motion():
+    """It proposed to read the wind from the bow, or from where it blows to."""
+    trial, model = circles(1), model_of(circles(1))
+    rng = np.random.default_rng(2)
+    noise = {}
+    for run in trial.runs:
+        read = 0.3 * model.scales["U"] * (rng.standard_normal((2, run.t.size)).T @ [1.0, 1.0j])
+        noise[run.name] = {"wind_speed": np.abs(read), "wind_from": np.angle(read)}
+    calm = [replace(r, exogenous={**r.exogenous, **noise[r.name]}) for r in trial.runs]
+    found = check_wind(replace(trial, runs=tuple(calm)), model)
+    assert found.asked and not found.in_order and found.finding is None and found.remark is None
+
+
 @pytest.mark.thorough
 def test_an_anemometer_that_stands_high_is_no_mistake():
     trial = circles(3, gain=0.8)

@@ -114,7 +114,7 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
     if not runs or model.vehicle.effects.get(GAIN, 0.0) == 0.0 or "wind" not in model.effects:
         return WindCheck()
     if all(_calm(run, model.scales["U"]) for run in runs):
-        return WindCheck()  # in calm air an anemometer made true reads its own noise
+        return WindCheck(asked=True)  # in calm air an anemometer made true reads its own noise
     try:
         size = model.scales["L"], model.scales["U"]
         seen = _short(with_seen_noise(replace(trial, runs=tuple(runs)), size), size)
