@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause, to_tell_apart
+from bayesid.diagnosis.cannot_tell import MOST_RIVALS, WORTH_A_WORD, cannot_tell, leading_cause, to_tell_apart
 from bayesid.diagnosis.event_words import rudder_off, unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
@@ -56,8 +56,6 @@ from bayesid.words import first_few
 
 RMS = " (rms)"
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
-# Hypotheses from this probability on are named as what else it could be.
-WORTH_A_WORD = 0.01
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
     "M": "the pitching moment", "K": "the heeling moment", "Y+N": "side force and turning moment",

@@ -18,6 +18,8 @@ from bayesid.words import and_list
 
 # Possible causes that are told, and the probability of two together from which they are told so.
 MOST_RIVALS, POSSIBLE = 4, 0.05
+# Hypotheses from this probability on are named as what else it could be.
+WORTH_A_WORD = 0.01
 
 
 def cannot_tell(result: Result) -> str:
@@ -134,7 +136,7 @@ def _chances(result: Result) -> list[tuple[str, float]]:
     # what stands for a coefficient beside another cause has a sentence of its own
     apart = {s.effect.name for s in result.in_place_of if s.certain}
     apart |= {COEFFICIENT_ERROR} if apart else set()
-    causes = [n for n in causes if n not in apart or told.get(n, 0.0) >= 0.01]
+    causes = [n for n in causes if n not in apart or told.get(n, 0.0) >= WORTH_A_WORD]
     return sorted(((n, told.get(n, 0.0)) for n in causes), key=lambda c: -c[1])[:MOST_RIVALS]
 
 

@@ -49,11 +49,8 @@ def effects_found(
         effect = model.effects.get(name)
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
-        says = (
-            said_of(effect, model, [p for p, (k, _) in keys.items() if k in table and k not in silent])
-            if effect is not None
-            else ""
-        )
+        told = [p for p, (key, _) in keys.items() if key in table and key not in silent]
+        says = said_of(effect, model, told) if effect is not None else ""
         needed = in_sentence(effect, says) if effect is not None else frozenset()
         values = {
             # draws are of this explanation and its equations, not of others or of kinematics alone

@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.check import AREA_SHARE
 from bayesid.trials.trial import Trial
 from bayesid.words import counted
 
-OF_WIND, GAIN, AREAS = "wind.", "wind.gain", "wind.area_coefficients"
+OF_WIND, GAIN = "wind.", "wind.gain"
 
 
 def in_measured_wind(vehicle: Vehicle, trial: Trial) -> Vehicle:
@@ -51,8 +52,8 @@ def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
 
 def _on_assumed_areas(vehicle: Vehicle) -> str:
     """What a measured wind does to a vehicle whose areas are not stated, or that may be below the surface."""
-    if share := vehicle.effects.get(AREAS, 0.0):
-        return f"acts on {share:g} times the areas assumed of a low deck ({AREAS} of [effects])"
+    if share := vehicle.effects.get(AREA_SHARE, 0.0):
+        return f"acts on {share:g} times the areas assumed of a low deck ({AREA_SHARE} of [effects])"
     if vehicle.areas_stated:
         why = f"{vehicle.name} may be below the surface"
         return f"not simulated: {why}; `gain = 1` in [effects.wind] lets it act"
