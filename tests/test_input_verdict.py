@@ -361,6 +361,27 @@ def test_a_vehicle_that_starts_from_rest_is_no_slower_vehicle(model):
     assert wrong_vehicle(model, slow) is not None
 
 
+def test_revolutions_of_an_engine_ahead_of_a_gear_are_asked_about_with_the_line_that_mends_them(model):
+    t = np.arange(0.0, 60.0, 1.0)
+    commands = {
+        "delta_r_cmd": 0.2 * np.sign(np.sin(t / 9.0)),
+        "n_cmd": np.full(t.size, model.vehicle.rpm_ref),
+    }
+    plan = plan_run(model, t, commands)
+    states = simulated(model, model.nominal, plan, steady_start(model)).states
+    data = {k: states[:, model.states.index(k)] for k in ("x", "y", "psi", "u", "v", "r")}
+
+    def told(gear: float, rudder: float = 1.0) -> str:
+        logged = {"n_cmd": gear * commands["n_cmd"], "delta_r_cmd": rudder * commands["delta_r_cmd"]}
+        found = wrong_vehicle(model, [Run(f"r{k}", "zigzag", "identify", t, data, logged) for k in (1, 2)])
+        return "" if found is None else found.says
+
+    assert "gear of about 2.6 to 1" in told(2.6) and "scale = { n_cmd = 0.39 }" in told(2.6)
+    assert "gear" not in told(2.6, rudder=0.1) and told(2.6, rudder=0.1)  # its turn is another vehicle's, too
+    assert "gear" not in told(0.3) and told(0.3)  # faster than it can be at its revolutions: none has such
+    assert not told(1.0)
+
+
 def test_a_weak_rudder_is_no_other_vehicle(model):
     """Negative control: a rudder of 60 % and thrust of 80 % are causes of a gap."""
     nominal = model.nominal

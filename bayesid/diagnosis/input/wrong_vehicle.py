@@ -15,6 +15,7 @@ from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_beside_si
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.trials import Run
+from bayesid.trials.correction import Correction, apply
 from bayesid.trials.mistakes import InputFinding
 
 # Logarithms of speed over self-propulsion speed, and of turn over simulated turn. Of 40 campaigns with gaps,
@@ -26,6 +27,7 @@ FEWEST = 2  # runs
 # What is said of the probability: none of 58 campaigns was taken for another vehicle, so at most 5 % are.
 SURE = 0.95
 WRONG_VEHICLE = "wrong vehicle"
+_SHAFT = ("n", "n_cmd")
 
 
 def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
@@ -46,10 +48,28 @@ def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
     told = (("vehicle's speed",) if abs(speed) > BOTH_SPEED else ()) + (
         ("vehicle's turn",) if abs(turn) > BOTH_TURN else ()
     )
+    asked = f"is it that one{_or_a_gear(model, runs, speed)}?"
     return InputFinding(
-        WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: is it that one?", (),
+        WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: {asked}", (),
         tuple(run.name for run in runs), True, SURE, told, 0.0, 0.0, None,
     )  # fmt: skip
+
+
+def _or_a_gear(model: Model, runs: Sequence[Run], speed: float) -> str:
+    """Words for revolutions of an engine ahead of a gear, with which the runs are this vehicle's; or none."""
+    if not speed < -BOTH_SPEED:
+        return ""
+    share = math.exp(speed)
+    turned = Correction(scale=dict.fromkeys(_SHAFT, share))
+    try:
+        if wrong_vehicle(model, [apply(turned, run) for run in runs]) is not None:
+            return ""
+    except BayesidError:
+        return ""
+    return (
+        f", or are the revolutions an engine's, ahead of a gear of about {1 / share:.2g} to 1 (then "
+        f"`[corrections]` wants `scale = {{ n_cmd = {share:.2g} }}`, n with it where it is logged)"
+    )
 
 
 def _gain(model: Model, run: Run) -> float | None:
