@@ -268,6 +268,32 @@ def test_a_form_that_is_not_taken_is_seen_as_far_as_it_is_no_cause(gain, beyond,
     assert sought.needed == (predicts and gain >= 20.0)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "taken"),
+    [
+        ((100.0, True), (130.0, True), True),
+        ((100.0, True), (110.0, True), False),  # less than a form must gain
+        ((100.0, False), (90.0, True), True),  # what does not arrive says little
+        ((100.0, False), (90.0, False), False),  # neither does: the more probable stays
+        ((100.0, False), (130.0, False), True),
+    ],
+)
+def test_a_form_takes_the_place_of_what_is_less_probable_or_does_not_arrive(
+    monkeypatch, before, after, taken
+):
+    def refit(evidence, arrives):
+        return Plain(log_evidence=evidence, effects=(), widens=False, fit=Plain(converged=arrives, chi2=1.0))
+
+    best = refit(*after)
+    monkeypatch.setattr(form_stage, "compare", lambda *a, **k: Plain(best=best))
+    monkeypatch.setattr(form_stage, "form_gain", lambda *a: 100.0)
+    problem = Plain(model=Plain(effects={}), with_form=lambda form: problem)
+    single = Plain(none=None, refits=())
+    needed = SoughtForm(ModelForm(SIZES), 50.0, 50.0, True)
+    found, _ = form_stage._with_form(problem, needed, refit(*before), single, lambda text: None, 0, None)
+    assert (found is not None) == taken
+
+
 def rolling(frequency):
     """A trial of a ship that rolls, its readings planar, and what is left of it without any effect."""
     model = model_of("generic_sub")
