@@ -27,18 +27,13 @@ FEWEST = 2  # runs
 # What is said of the probability: none of 58 campaigns was taken for another vehicle, so at most 5 % are.
 SURE = 0.95
 WRONG_VEHICLE = "wrong vehicle"
-_SHAFT = ("n", "n_cmd")
+SHAFT = ("n", "n_cmd")
 
 
 def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
     """That speed and turn are another vehicle's."""
-    with np.errstate(all="ignore"):
-        speeds = [math.log(s) for run in runs if (s := speed_beside_simulation(model, run)) is not None]
-        turns = [math.log(g) for run in runs if (g := _gain(model, run)) is not None]
-    speed = float(np.median(speeds)) if len(speeds) >= min(FEWEST, len(runs)) and speeds else 0.0
-    turn = float(np.median(turns)) if len(turns) >= FEWEST else 0.0
-    alone = abs(speed) > FAR_SPEED or abs(turn) > FAR_TURN
-    if not alone and not (abs(speed) > BOTH_SPEED and abs(turn) > BOTH_TURN):
+    speed, turn = _off(model, runs)
+    if not _far(speed, turn):
         return None
     parts = []
     if abs(speed) > BOTH_SPEED:
@@ -48,28 +43,41 @@ def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
     told = (("vehicle's speed",) if abs(speed) > BOTH_SPEED else ()) + (
         ("vehicle's turn",) if abs(turn) > BOTH_TURN else ()
     )
-    asked = f"is it that one{_or_a_gear(model, runs, speed)}?"
+    asked = "is it that one"
+    if speed < -BOTH_SPEED and _geared(model, runs, speed):
+        asked += (
+            ", or are its revolutions those of an engine ahead of a gear (`[corrections]` takes the ratio, 3 to "
+            "1 as `scale = { n_cmd = 0.3333 }`, for n as well where it is logged)"
+        )
     return InputFinding(
-        WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: {asked}", (),
+        WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: {asked}?", (),
         tuple(run.name for run in runs), True, SURE, told, 0.0, 0.0, None,
     )  # fmt: skip
 
 
-def _or_a_gear(model: Model, runs: Sequence[Run], speed: float) -> str:
-    """Words for revolutions of an engine ahead of a gear, with which the runs are this vehicle's; or none."""
-    if not speed < -BOTH_SPEED:
-        return ""
-    share = math.exp(speed)
-    turned = Correction(scale=dict.fromkeys(_SHAFT, share))
+def _off(model: Model, runs: Sequence[Run]) -> tuple[float, float]:
+    """Logarithms of speed and turn over the simulator's, medians of runs; 0 where too few tell."""
+    with np.errstate(all="ignore"):
+        speeds = [math.log(s) for run in runs if (s := speed_beside_simulation(model, run)) is not None]
+        turns = [math.log(g) for run in runs if (g := _gain(model, run)) is not None]
+    speed = float(np.median(speeds)) if len(speeds) >= min(FEWEST, len(runs)) and speeds else 0.0
+    turn = float(np.median(turns)) if len(turns) >= FEWEST else 0.0
+    return speed, turn
+
+
+def _far(speed: float, turn: float) -> bool:
+    alone = abs(speed) > FAR_SPEED or abs(turn) > FAR_TURN
+    return alone or (abs(speed) > BOTH_SPEED and abs(turn) > BOTH_TURN)
+
+
+def _geared(model: Model, runs: Sequence[Run], speed: float) -> bool:
+    """Whether speed and turn are this vehicle's at fewer revolutions. Not at how many: speed tells no ratio
+    from a loss of thrust."""
+    fewer = Correction(scale=dict.fromkeys(SHAFT, math.exp(speed)))
     try:
-        if wrong_vehicle(model, [apply(turned, run) for run in runs]) is not None:
-            return ""
+        return not _far(*_off(model, [apply(fewer, run) for run in runs]))
     except BayesidError:
-        return ""
-    return (
-        f", or are the revolutions an engine's, ahead of a gear of about {1 / share:.2g} to 1 (then "
-        f"`[corrections]` wants `scale = {{ n_cmd = {share:.2g} }}`, n with it where it is logged)"
-    )
+        return False
 
 
 def _gain(model: Model, run: Run) -> float | None:
