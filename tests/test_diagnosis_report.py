@@ -25,7 +25,7 @@ from bayesid.report.diagnosis.limits import next_blocks
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
-from bayesid.report.writer.blocks import Section, Text, cell_text
+from bayesid.report.writer.blocks import Section, cell_text
 from bayesid.report.writer.markup import to_markdown
 
 
@@ -223,15 +223,6 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
     assert "The equations also lack a force" in screen
     assert "crossflow drag and roll with a period of 28.9 s" in screen
     assert "What the equations lack" in [s.title for s in named.sections]
-    curves = replace(part, sizes={}, period=None, looks_like=("curves_of_drag_and_thrust",), ahead=True)
-    section = next(
-        s
-        for s in diagnosis_report(replace(RESULT, model_form=curves, verdict="effect")).sections
-        if s.title == "What the equations lack"
-    )
-    assert "another power of the speed" in to_markdown(
-        "".join(b.body for b in section.blocks if isinstance(b, Text))
-    )
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead
 

@@ -168,13 +168,6 @@ CASES = {
     "thrust_decay_late": ({"loss_per_600s": 0.2}, lambda s, p: -0.2 * (T / 600) ** 2 * thrust(s)),
     "hull_fouling": ({"drag_increase": 0.25}, lambda s, p: 0.25 * drag(s, linear=False)),
     "hull_fouling_all": ({"drag_increase": 0.25}, lambda s, p: 0.25 * drag(s, linear=True)),
-    "curves_of_drag_and_thrust": (
-        {"by_speed": 0.5, "by_excess": -0.3},
-        lambda s, p: (
-            0.5 * drag(s, linear=False) * (abs(s.u) / s.U_ref - 1.0)
-            - 0.3 * (thrust(s) + drag(s, linear=True))
-        ),
-    ),
     "propeller_side_force": (
         {"side_force": 0.1}, lambda s, p: at((-0.5 * s.L, 0, 0), (0, 0.1 * thrust(s)[0], 0))
     ),

@@ -138,27 +138,6 @@ def test_a_form_has_every_odd_product_of_third_order_in_drift_turning_and_rudder
     assert found == {"Y": every, "N": every}
 
 
-def test_other_curves_of_drag_and_thrust_leave_the_speeds_that_they_should():
-    """A share of what thrust is beyond drag leaves every steady speed, another power of the speed that at the
-    reference; the control is any other."""
-    model = build_model(load_vehicle("generic_sub"), 3)
-    rpm, slow = model.vehicle.rpm_ref, 0.7 * model.vehicle.rpm_ref
-
-    def speed(n, **sizes):
-        par = model.nominal.copy()
-        for name, value in sizes.items():
-            par[model.index[f"curves_of_drag_and_thrust.{name}"]] = value
-        t = 0.5 * model.scales["L"] / model.scales["U"] * np.arange(120)
-        plan = plan_run(model, t, {"n_cmd": np.full(t.size, n), "delta_r_cmd": np.zeros(t.size)})
-        return simulate(model, par, plan, steady_start(model, n)).states[-1, model.states.index("u")]
-
-    assert speed(rpm) == pytest.approx(model.scales["U"], rel=0.02)
-    for n in (rpm, slow):
-        assert speed(n, by_excess=0.2) == pytest.approx(speed(n), rel=1e-4)
-    assert speed(rpm, by_speed=0.5) == pytest.approx(speed(rpm), rel=0.01)
-    assert speed(slow, by_speed=0.5) > 1.03 * speed(slow)  # less drag below the reference speed
-
-
 def test_an_asymmetry_in_turns_leaves_a_straight_course_and_moves_both_turns_to_one_side():
     model = build_model(load_vehicle("lauv"), 3)
     s, base = model.scales, model.nominal.copy()

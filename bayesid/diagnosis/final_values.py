@@ -293,7 +293,6 @@ def _form(
         form.period,
         tuple(dict.fromkeys((*like, *own))),
         tuple(r for r in rows if abs(r.force) > CLEAR * r.sd)[:MOST_ROWS],
-        form.ahead,
     )
 
 

@@ -436,7 +436,7 @@ class FormRow:
 
 @dataclass(frozen=True)
 class ModelFormPart:
-    """A force that depends on the motion and that the equations lack."""
+    """A force that depends on the motion, not on a straight course, and that the equations lack."""
 
     gain: Annotated[
         float,
@@ -454,7 +454,6 @@ class ModelFormPart:
         About("Declared effects that are part of it and differ from off by two standard deviations."),
     ]
     rows: Annotated[tuple[FormRow, ...], About("Rows that differ from zero by as much, clearest first.")]
-    ahead: Annotated[bool, About("Whether drag and thrust have other curves in it.")] = False
 
 
 @dataclass(frozen=True, eq=False)

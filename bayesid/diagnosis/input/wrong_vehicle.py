@@ -46,8 +46,8 @@ def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
     asked = "is it that one"
     if speed < -BOTH_SPEED and _geared(model, runs, speed):
         asked += (
-            ", or are its revolutions those of an engine ahead of a gear (`[corrections]` takes the ratio, 3 to "
-            "1 as `scale = { n_cmd = 0.3333 }`, for n as well where it is logged)"
+            ", or are its revolutions those of an engine ahead of a gear (`[corrections]` takes the ratio, "
+            "3 to 1 as `scale = { n_cmd = 0.3333 }`, for n as well where it is logged)"
         )
     return InputFinding(
         WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: {asked}?", (),

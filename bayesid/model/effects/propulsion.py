@@ -63,28 +63,6 @@ EFFECTS = (
         "Alternative: hull_fouling_all, every straight-ahead row.",
     ),
     Effect(
-        name="curves_of_drag_and_thrust",
-        says="Drag goes with another power of the speed, or thrust falls with it otherwise, than the "
-        "simulator's.",
-        family="curves_of_drag_and_thrust",
-        port="force",
-        where=("X", "rpm"),
-        parameters=(
-            EffectParameter(
-                "by_speed",
-                "-",
-                0.2,
-                about="share of the drag that a reference speed more adds beyond the square",
-            ),
-            EffectParameter("by_excess", "-", 0.1, about="share of what thrust is beyond drag that is added"),
-        ),
-        force={"X": "by_speed*quadratic_drag()*(abs(u)/U_ref - 1) + by_excess*(thrust() + drag())"},
-        source="powers of the speed other than two (friction, waves); slopes of open-water curves",
-        magnitude="powers of 1.8 to 2.3; slopes 10 % off",
-        form="Nothing on a straight course at the reference speed, where the simulator's were tuned.",
-        as_form="only",
-    ),
-    Effect(
         name="propeller_side_force",
         says="The propeller pushes the stern aside with {side_force:%:of its thrust to starboard:"
         "of its thrust to port}.",

@@ -21,7 +21,7 @@ def form_sections(result: Result) -> list[Section]:
 
 def _blocks(form: ModelFormPart) -> list[Block]:
     axes = ", ".join(f"{a} {1e3 * s:.2g}" for a, s in form.sizes.items())
-    if not form.sizes and form.period is None and not form.ahead:
+    if not form.sizes and form.period is None:
         return [
             Text(
                 f"The best explanation holds {' and '.join(in_words(n) for n in form.looks_like)} "
@@ -41,11 +41,6 @@ def _blocks(form: ModelFormPart) -> list[Block]:
         text += (
             f" It has a resonance with a period of {form.period:.3g} s, as the roll that a planar model "
             "leaves out has: a model with six degrees of freedom can tell."
-        )
-    if form.ahead:
-        text += (
-            " Drag may go with another power of the speed than the simulator's, and thrust fall with it "
-            "otherwise; at the reference speed both are the simulator's."
         )
     if form.rows:
         return [
