@@ -142,6 +142,7 @@ def test_outliers_in_coarse_positions_are_no_delay_and_no_jump(seed):
         ("psi late", Correction(late={"psi": -6.0})),
         ("north of heading and position", Correction(offset={"psi": 1.2})),
         ("jump of x, y", Correction(offset={"x": 40.0}, from_time={"x": 50.0})),
+        ("jump of psi", Correction(offset={"psi": 0.5}, from_time={"psi": 50.0})),
     ],
 )
 def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correction):
@@ -152,6 +153,38 @@ def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correc
     for finding in found:
         mended = [apply(finding.correction, run) for run in mended]
     assert check_input(mended).findings == ()
+
+
+def flips(seed: int, jump: float = 0.0, dt: float = 0.4) -> Run:
+    """A small boat in a zig-zag: its rate turns over within two readings, of which one has no rate.
+
+    jump : of the heading, amid a steady turn [rad]
+    """
+    rng = np.random.default_rng(seed)
+    fine = 0.01 * np.arange(15001)
+    side = np.where(np.floor(fine / 10.0) % 2 == 0, 1.0, -1.0)
+    r = np.zeros(fine.size)
+    for i in range(1, fine.size):
+        r[i] = r[i - 1] + 0.01 / 0.25 * (0.5 * side[i - 1] - r[i - 1])
+    psi = np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * 0.01)))
+    w = 1.3 * np.exp(1j * psi)
+    place = np.concatenate(([0j], np.cumsum(0.5 * (w[1:] + w[:-1]) * 0.01)))
+    at = np.arange(0, fine.size, round(dt / 0.01))
+    noise = lambda s: s * rng.standard_normal(at.size)  # noqa: E731
+    data = {
+        "x": place.real[at] + noise(0.17), "y": place.imag[at] + noise(0.17),
+        "psi": psi[at] + noise(0.0034) + jump * (fine[at] > 53.0), "r": r[at] + noise(7e-4),
+        "u": 1.3 + noise(0.005), "v": noise(0.005),
+    }  # fmt: skip
+    data["r"][np.searchsorted(fine[at], 20.0)] = np.nan
+    return Run(f"r{seed}", "", "identify", fine[at], data, {"delta_r_cmd": -0.2 * side[at]})
+
+
+def test_a_rate_that_turns_over_between_two_readings_is_no_jump_of_the_heading():
+    """An AUV of 1.3 m read every 0.4 s was told a jump of 4 degrees, of a rate left out as an outlier."""
+    assert "jump of psi" not in {f.name for f in check_input([flips(1), flips(2)]).findings}
+    told = {f.name for f in check_input([flips(1, jump=0.3), flips(2)]).findings}
+    assert "jump of psi" in told  # control: one amid a steady turn is
 
 
 @pytest.fixture(scope="module")

@@ -421,7 +421,13 @@ def _heading_jump(one: Base) -> tuple[float, float] | None:
         return None
     t, rate = one.run.t[good], data["r"][good]
     found = _largest(t, np.diff(data["psi"][good]) - 0.5 * (rate[1:] + rate[:-1]) * np.diff(t))
-    return None if found is None else (found[0], found[1].real)
+    if found is None:
+        return None
+    when, turn = found[0], found[1].real
+    k = int(np.searchsorted(t, when)) - 1
+    # a fin that goes over between two readings: the rate was anywhere among those around
+    around = rate[max(k - 1, 0) : k + 3]
+    return None if abs(turn) < 0.5 * float(np.ptp(around)) * (t[k + 1] - t[k]) else (when, turn)
 
 
 def _largest(t: Floats, step: np.ndarray) -> tuple[float, complex] | None:
