@@ -31,7 +31,12 @@ from bayesid.diagnosis.hypotheses.cross_validation import excess_where_apart, le
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
-from bayesid.diagnosis.hypotheses.moved_coefficients import StandsFor, certainly_wrong, standing_for
+from bayesid.diagnosis.hypotheses.moved_coefficients import (
+    StandsFor,
+    certainly_wrong,
+    explained_by,
+    standing_for,
+)
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
     likely_coefficients,
@@ -315,7 +320,7 @@ def weigh(
     shown, leaves = (none, carried) if best.widens else (best, beside)
     alike = standing_for(problem, single.bank, shown.fit, FORM_LEAVES * leaves, 0.0)
     stand = tuple(s for s in alike if s.moved >= least)
-    error = _form_error(problem, best, refits, beside, off, list(single.wide))
+    error = _form_error(problem, best, refits, beside, off, list(single.wide), least)
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
@@ -410,6 +415,7 @@ def _form_error(
     beside: float,
     off: Sequence[StandsFor],
     wide: Sequence[str],
+    least: float,
 ) -> FormError:
     """How far evidence between these refits holds, by what the form is worth beside the best of them.
 
@@ -417,6 +423,7 @@ def _form_error(
     ----------
     off : effects that stand for coefficients certainly off
     wide : names of what was tried with a wider prior
+    least : normal deviate from which on a coefficient is further off than stated
     """
     if beside <= 0.0:
         return NO_ERROR
@@ -429,7 +436,8 @@ def _form_error(
     by_run: dict[tuple[str, ...], np.ndarray] = {}
     for c in sorted((c for c in causes if explains(c)), key=lambda c: c.log_evidence):
         key = tuple(sorted(c.effects))
-        kept = by_kinematics(problem, c).evidence + sum(certain.get(n, 0.0) for n in key)
+        straight = max(sum(certain.get(n, 0.0) for n in key), explained_by(off, c.fit, least))
+        kept = by_kinematics(problem, c).evidence + straight
         alone[key] = max(alone.get(key, 0.0), kept)
         by_run[key] = left_out(c.fit.equations)
     sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))

@@ -112,6 +112,17 @@ def certainly_wrong(stands: Sequence[StandsFor], tried: Sequence[str]) -> float:
     return max(float(logsumexp(gains, b=[share[n] for n in about])), 0.0)
 
 
+def explained_by(stands: Sequence[StandsFor], fitted: FilterErrorFit, least: float) -> float:
+    """What of the log evidence that no force of the motion takes away is an explanation's as well: that of
+    coefficients which are as stated in its refit.
+
+    Straight runs tell that something ahead is off, not that it is the coefficient: a loss of thrust that
+    leaves the drag as stated explains them too.
+    """
+    known = [s for s in stands if s.coefficient in fitted.free.names]
+    return max((s.certain for s in known if abs(_estimate(fitted, s.coefficient)[0]) < least), default=0.0)
+
+
 def _one_share(effect: Effect) -> bool:
     """Whether an effect is one share of coefficients and nothing else."""
     return (
