@@ -391,16 +391,21 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
         hypothesis(290.0, "lag", "wind"),
         hypothesis(200.0, "lag", chi2=9.0),
     ]
+    refits += [hypothesis(250.0, "thrust"), hypothesis(240.0, "drift")]
     refits += [hypothesis(400.0, "coefficient_error:N_r")]
     for k, c in enumerate(refits):
         c.fit.equations = np.full(4, float(k))
+        c.fit.free = Plain(names=("N_r",), mean=np.zeros(1), sd=np.ones(1))
+        c.fit.values, c.fit.sd = np.array([0.5 if "thrust" in c.effects else 6.0]), np.full(1, 0.2)
     problem = Plain(model=Plain(kernel=Plain(effects=())))
     off = (Plain(effect="wind", coefficient="N_r", moved=5.0, certain=9.0),)
-    found = comparison._form_error(problem, refits[0], refits, 100.0, off, ["N_r"])
+    found = comparison._form_error(problem, refits[0], refits, 100.0, off, ["N_r"], 3.0)
     # what a coefficient certainly off says is sure of the effect, of sets that have it, and of a wrong one
     assert found.holds[("wind",)] == found.holds[("lag", "wind")] == 9.0
     assert found.holds[("coefficient_error",)] > 3.0 and ("lag",) not in found.holds
-    assert list(found.by_run) == [("lag", "wind")]
+    # and of a cause with which the coefficient is as stated, not of one that leaves it off
+    assert found.holds[("thrust",)] == 9.0 and found.holds[("drift",)] == 0.0
+    assert list(found.by_run) == [("drift",), ("thrust",), ("lag", "wind")]
     assert np.all(found.by_run[("lag", "wind")] == 0.0)  # of two searches of one set, the better
     assert found.leaves == 50.0
 
