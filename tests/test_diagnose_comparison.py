@@ -386,6 +386,7 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
     monkeypatch.setattr(comparison, "readable", lambda problem, effect, table: False)
     monkeypatch.setattr(comparison, "form_gain", lambda problem, best, axes=None: 40.0)
     monkeypatch.setattr(comparison, "left_out", lambda equations: equations)
+    monkeypatch.setattr(comparison, "cost_of_sizes", lambda problem, c: c.log_evidence)
     refits = [
         hypothesis(300.0, "wind", "lag"),
         hypothesis(290.0, "lag", "wind"),
@@ -408,6 +409,7 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
     assert list(found.by_run) == [("drift",), ("thrust",), ("lag", "wind")]
     assert np.all(found.by_run[("lag", "wind")] == 0.0)  # of two searches of one set, the better
     assert found.leaves == 50.0
+    assert found.costs == {("drift",): 240.0, ("thrust",): 250.0, ("lag", "wind"): 300.0}
 
 
 @pytest.mark.parametrize(

@@ -376,6 +376,20 @@ def test_a_lead_that_one_run_makes_against_the_others_is_worth_the_odds_of_the_r
     assert exact.behind(200.0, one, other) == 200.0  # the equations lack nothing: evidence is what it is
 
 
+def test_what_an_unusual_size_costs_is_not_what_a_form_may_leave():
+    """30 nats apart, of which a form may leave all; 12 of them say that 39 % of ballast is not usual."""
+    ballast, thrust = ("ballast",), ("thrust",)
+    sums = {ballast: np.full(4, 1.0), thrust: np.zeros(4)}  # run by run the ballast is the better
+    for by_run in ({}, sums):
+        error = FormError(60.0, by_run=by_run, costs={ballast: 14.0, thrust: 2.0})
+        assert error.lag(30.0) < 3.0
+        assert error.behind(30.0, ballast, thrust) == pytest.approx(12.0)
+        assert error.behind(5.0, ballast, thrust) == pytest.approx(5.0)  # never more than the distance
+        # the usual size is no merit, and what is not known of one of them tells nothing
+        for one, other in ((thrust, ballast), (ballast, ("unknown",))):
+            assert error.behind(30.0, one, other) == FormError(60.0, by_run=by_run).behind(30.0, one, other)
+
+
 def test_a_name_acts_as_probably_as_all_sets_that_hold_it():
     none, where = candidate(0.0), SimpleNamespace(base=0.0)
     evidence = {"a": 40.0, "b": 10.0, "c": 38.0, "coefficient_error": 2.0, "outside": 5.0}

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bayesid.diagnosis.hypotheses import sizes
+from bayesid.diagnosis.hypotheses import sizes, unusual_sizes
 from bayesid.diagnosis.hypotheses.candidate import widened_by_few
 from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, SIZE_DEVIATIONS
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.model.effects import CATALOGUE
 
 
 @pytest.mark.parametrize("runs", [3, 4, 7])
@@ -61,6 +62,25 @@ def test_an_effect_of_no_weighed_explanation_keeps_the_size_of_the_best(world):
     assert sizes.sizes_told(Plain(form="a form"), candidates, refits[0])["lag.tau"] == pytest.approx(
         (2.0, 0.1 * SIZE_DEVIATIONS)
     )
+
+
+def test_a_size_costs_what_the_nearer_end_of_its_interval_is_improbable_of_the_usual(monkeypatch):
+    """Ballast of 30 % where 6 % is usual; its place has no usual size, nor has a size near nothing a cost."""
+    ballast = next(e for e in CATALOGUE if e.name == "ballast_mass")
+    keys = [ballast.key(p.name) for p in ballast.parameters]
+    fit = Plain(free=Plain(names=("N_r", *keys), sd=np.array([0.1, 0.06, 0.2])))
+
+    def cost(value, sd, place=0.0):
+        table = {keys[0]: (value, sd), keys[1]: (place, 0.01)}
+        monkeypatch.setattr(unusual_sizes, "parameters_told", lambda problem, c: table)
+        problem = Plain(model=Plain(effects={"ballast_mass": ballast}))
+        return unusual_sizes.cost_of_sizes(problem, Plain(fit=fit, effects=("ballast_mass",)))
+
+    end = 0.3 - stats.norm.ppf(0.975) * SIZE_DEVIATIONS * 0.02
+    odds = stats.norm.logpdf(0.0, scale=0.06) - stats.norm.logpdf(end, scale=0.06)
+    assert cost(0.3, 0.02) == pytest.approx(odds, rel=1e-3)
+    assert cost(-0.3, 0.02, place=5.0) == cost(0.3, 0.02)
+    assert cost(0.1, 0.04) == 0.0
 
 
 RUNS, READINGS, COEFFICIENTS = 5, 40, 3

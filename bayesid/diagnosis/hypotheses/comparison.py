@@ -59,6 +59,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     widened,
 )
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds, thresholds
+from bayesid.diagnosis.hypotheses.unusual_sizes import cost_of_sizes
 from bayesid.diagnosis.threshold_table import (
     ADD_EVIDENCE,
     FORM_LEAVES,
@@ -434,14 +435,16 @@ def _form_error(
     alone: dict[tuple[str, ...], float] = {(n,): v for n, v in certain.items()}
     alone[(COEFFICIENT_ERROR,)] = certainly_wrong(off, wide)
     by_run: dict[tuple[str, ...], np.ndarray] = {}
+    costs: dict[tuple[str, ...], float] = {}
     for c in sorted((c for c in causes if explains(c)), key=lambda c: c.log_evidence):
         key = tuple(sorted(c.effects))
         straight = max(sum(certain.get(n, 0.0) for n in key), explained_by(off, c.fit, least))
         kept = by_kinematics(problem, c).evidence + straight
         alone[key] = max(alone.get(key, 0.0), kept)
         by_run[key] = left_out(c.fit.equations)
+        costs[key] = cost_of_sizes(problem, c)
     sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))
-    whole = FormError(FORM_LEAVES * beside, alone, sensors, axes, by_run=by_run)
+    whole = FormError(FORM_LEAVES * beside, alone, sensors, axes, by_run=by_run, costs=costs)
     asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}
     return replace(whole, parts={a: FORM_LEAVES * form_gain(problem, best, a) for a in asked if a})
 

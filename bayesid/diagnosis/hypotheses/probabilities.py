@@ -77,6 +77,7 @@ class FormError:
     axes : effect -> axes of the form that may stand for it
     parts : the same as `leaves` of the form in some axes alone
     by_run : set of causes -> (runs,) log density of each run given all others, of refits that follow the data
+    costs : set of causes -> log evidence that the sizes it asks for surely cost (`cost_of_sizes`) [nats]
     """
 
     leaves: float = 0.0
@@ -85,6 +86,7 @@ class FormError:
     axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
     parts: Mapping[frozenset[str], float] = field(default_factory=dict)
     by_run: Mapping[tuple[str, ...], np.ndarray] = field(default_factory=dict)
+    costs: Mapping[tuple[str, ...], float] = field(default_factory=dict)
 
     def between(self, one: Collection[str], other: Collection[str] = ()) -> float:
         """What the form may leave between two sets of causes: in the axes of those that are not in both."""
@@ -120,15 +122,17 @@ class FormError:
 
         What the distance has beyond these runs is told before any of them: by how far coefficients and sizes
         lie from what was stated of them. Where a drag went with a coefficient 5.6 stated deviations off, each
-        run given the others was as probable with a thrust that decays, 10 nats behind.
+        run given the others was as probable with a thrust that decays, 10 nats behind. What its sizes surely
+        cost more than those of the other it lags in any case.
         """
-        lag = self.lag(distance, self.between(one, other))
+        more = self.costs.get(one, 0.0) - self.costs.get(other, np.inf)
+        lag = max(self.lag(distance, self.between(one, other)), min(distance, more))
         mine, theirs = self.by_run.get(one), self.by_run.get(other)
         if self.leaves <= 0.0 or mine is None or theirs is None:
             return lag
         runs = theirs - mine
         stated = max(distance - max(float(runs.sum()), 0.0), 0.0)
-        return min(lag, max(log_odds_over_runs(runs), 0.0) + stated)
+        return max(min(lag, max(log_odds_over_runs(runs), 0.0) + stated), min(distance, more))
 
 
 NO_ERROR = FormError()
