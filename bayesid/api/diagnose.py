@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import as_read, check_trial, mended, missing_orders, not_enough
 from bayesid.diagnosis.input.memory_needed import enough_memory
+from bayesid.diagnosis.input.order_stamps import acts_before_its_stamp, better, read_between_stamps, step_of
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
@@ -137,11 +138,17 @@ def diagnose(
             shown.note(
                 f"goes on with {before} refits kept of a diagnosis that was stopped; the log is read again"
             )
+        run_on = partial(
+            run, model=model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
+            keep_model=keep_model, trust_noise=trust_input,
+        )  # fmt: skip
         with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
-            found = run(
-                of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-                keep_model=keep_model, trust_noise=trust_input,
-            )  # fmt: skip
+            found = run_on(of)
+            if not trust_input and acts_before_its_stamp(found):
+                earlier, text = read_between_stamps(of, step_of(logged))
+                shown.note(f"once more: {text}")
+                again = run_on(earlier)
+                found = again if better(found, again) else found
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)

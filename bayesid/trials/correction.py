@@ -303,10 +303,13 @@ def _unwrapped(angle: Floats) -> Floats:
 
 
 def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
-    """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs."""
+    """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs.
+
+    An order that switches while a row holds is its mean over that time.
+    """
     at = t + delay
     if kind == "command":
-        return values[np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 1)]
+        return _mean_order(t, values, at)
     good = np.isfinite(values)
     if good.sum() < 2:
         return values
@@ -314,6 +317,24 @@ def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
     if kind in ("pose", "velocity", "propulsion"):
         holes = np.interp(at, t, (~good).astype(float)) > 0.5 if not good.all() else np.zeros(t.shape, bool)
         out = np.where(holes | (at < t[0]) | (at > t[-1]), np.nan, out)
+    return out
+
+
+def _mean_order(t: Floats, values: Floats, at: Floats) -> Floats:
+    """Means of an order from each of the times `at` to the next."""
+    hold = np.diff(t)
+    end = at + np.append(hold, hold[-1] if hold.size else 0.0)
+    least = 1e-6 * float(hold.min()) if hold.size else 0.0  # what is left of a row by rounding is none of it
+    first, last = (
+        np.clip(np.searchsorted(t, s, side=side) - 1, 0, t.size - 1)  # type: ignore[call-overload]
+        for s, side in ((at + least, "right"), (end - least, "left"))
+    )
+    out = values[first].copy()
+    done = np.concatenate([[0.0], np.cumsum(values[:-1] * hold)])  # of the order over time, at every row
+    mixed = (last > first) & np.isfinite(done[last])
+    upto = done[last] + values[last] * (end - t[last])
+    since = done[first] + values[first] * (at - t[first])
+    out[mixed] = ((upto - since) / np.where(end > at, end - at, 1.0))[mixed]
     return out
 
 
