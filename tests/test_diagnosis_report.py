@@ -25,7 +25,7 @@ from bayesid.report.diagnosis.limits import next_blocks
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
-from bayesid.report.writer.blocks import Section, cell_text
+from bayesid.report.writer.blocks import Section, Text, cell_text
 from bayesid.report.writer.markup import to_markdown
 
 
@@ -205,7 +205,7 @@ def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
 
 
 def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section():
-    from bayesid.diagnosis.result_parts import FormRow, ModelFormPart
+    from bayesid.diagnosis.result_parts import Estimate, FormRow, ModelFormPart
 
     part = ModelFormPart(
         294.0,
@@ -223,6 +223,15 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
     assert "The equations also lack a force" in screen
     assert "crossflow drag and roll with a period of 28.9 s" in screen
     assert "What the equations lack" in [s.title for s in named.sections]
+    curves = replace(part, sizes={}, period=None, looks_like=(), drag_power=Estimate(2.6, 0.05))
+    section = next(
+        s
+        for s in diagnosis_report(replace(RESULT, model_form=curves, verdict="effect")).sections
+        if s.title == "What the equations lack"
+    )
+    assert "to the power 2.600, not 2 (95 %: 2.502 to 2.698)" in to_markdown(
+        "".join(b.body for b in section.blocks if isinstance(b, Text))
+    )
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead
 

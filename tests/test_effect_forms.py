@@ -168,6 +168,10 @@ CASES = {
     "thrust_decay_late": ({"loss_per_600s": 0.2}, lambda s, p: -0.2 * (T / 600) ** 2 * thrust(s)),
     "hull_fouling": ({"drag_increase": 0.25}, lambda s, p: 0.25 * drag(s, linear=False)),
     "hull_fouling_all": ({"drag_increase": 0.25}, lambda s, p: 0.25 * drag(s, linear=True)),
+    "power_of_drag": (
+        {"power": 0.5},
+        lambda s, p: drag(s, linear=False) * (np.sqrt(abs(s.u) / s.U_ref) - 1.0),
+    ),
     "propeller_side_force": (
         {"side_force": 0.1}, lambda s, p: at((-0.5 * s.L, 0, 0), (0, 0.1 * thrust(s)[0], 0))
     ),

@@ -9,6 +9,7 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from bayesid.api.simulate import simulate_model
 from bayesid.diagnosis import form_stage
 from bayesid.diagnosis.data.model_form import ModelForm, absent_fins, form_effects, with_form
 from bayesid.diagnosis.data.problem import build_problem, fit_with
@@ -53,6 +54,19 @@ def test_a_form_widens_the_rows_it_has_and_adds_those_the_vehicle_lacks():
         "asymmetry_in_turns", "asymmetry_under_rudder", "crossflow_drag", "cubic_damping", "heel_in_yaw_rate",
         "hull_asymmetry",
     }  # fmt: skip
+
+
+def test_another_power_of_drag_is_part_of_a_form_only_where_it_is_asked_for_by_itself():
+    model = model_of("generic_sub")
+    stated = coefficient_prior(model)
+    power = "power_of_drag.power"
+    none = dict.fromkeys("XYN", 0.0)
+    assert power not in with_form(model, stated, ModelForm(dict.fromkeys("XYN", 1e-3))).names
+    ahead = ModelForm(none, ahead=True)
+    assert ahead.acts and not ModelForm(none).acts
+    free = with_form(model, stated, ahead)
+    assert free.names == (*stated.names, power)
+    assert free.sd[: len(stated.names)] == pytest.approx(stated.sd)  # no row of the file is widened
 
 
 def test_a_form_has_no_row_of_a_fin_that_the_vehicle_does_not_have():
@@ -254,6 +268,32 @@ def test_a_form_that_is_not_taken_is_seen_as_far_as_it_is_no_cause(gain, beyond,
     assert sought.needed == (predicts and gain >= 20.0)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "taken"),
+    [
+        ((100.0, True), (130.0, True), True),
+        ((100.0, True), (110.0, True), False),  # less than a form must gain
+        ((100.0, False), (90.0, True), True),  # what does not arrive says little
+        ((100.0, False), (90.0, False), False),  # neither does: the more probable stays
+        ((100.0, False), (130.0, False), True),
+    ],
+)
+def test_a_form_takes_the_place_of_what_is_less_probable_or_does_not_arrive(
+    monkeypatch, before, after, taken
+):
+    def refit(evidence, arrives):
+        return Plain(log_evidence=evidence, effects=(), widens=False, fit=Plain(converged=arrives, chi2=1.0))
+
+    best = refit(*after)
+    monkeypatch.setattr(form_stage, "compare", lambda *a, **k: Plain(best=best))
+    monkeypatch.setattr(form_stage, "form_gain", lambda *a: 100.0)
+    problem = Plain(model=Plain(effects={}), with_form=lambda form: problem)
+    single = Plain(none=None, refits=())
+    needed = SoughtForm(ModelForm(SIZES), 50.0, 50.0, True)
+    found, _ = form_stage._with_form(problem, needed, refit(*before), single, lambda text: None, 0, None)
+    assert (found is not None) == taken
+
+
 def rolling(frequency):
     """A trial of a ship that rolls, its readings planar, and what is left of it without any effect."""
     model = model_of("generic_sub")
@@ -293,6 +333,25 @@ def test_the_form_of_a_problem_leaves_its_stated_coefficients():
     assert candidates.pulls(fitted, wider).size == len(problem.coefficients.names)
     again = replace(wider, form=None)
     assert again.stated is problem.coefficients
+
+
+@pytest.mark.thorough
+def test_a_drag_that_goes_with_another_power_of_the_speed_is_told_as_what_the_equations_lack():
+    """It was told as nothing, as a loss of thrust or as something outside the list."""
+    model = build_model(load_vehicle("remus100"), 3)
+    logged = replace(model, nominal=model.with_values({"power_of_drag.power": 0.6}))
+    noise = {"x": 0.1, "y": 0.1, "psi": 0.005, "r": 0.002, "u": 0.004, "v": 0.004}
+    runs = (
+        "zigzag:10/10", "speedsteps:1500/900/1800/1200", "speedsteps:900/1800/1500/1000/1700",
+        "turn:13,rpm=1000", "prbs:10", "zigzag:12/12,rpm=1800",
+    )  # fmt: skip
+    found = compare_without(model, simulate_model(logged, "remus100", runs, 0.5, None, None, noise, 1))
+    assert decide(found.problem, found.candidates).word == "model_form"
+    form = found.problem.form
+    assert form.ahead and not any(form.sizes.values()) and form.period is None
+    fitted = found.candidates.none.fit
+    power = fitted.values[fitted.free.names.index("power_of_drag.power")]
+    assert power == pytest.approx(0.6, abs=0.25)
 
 
 def test_a_parameter_that_is_known_is_drawn_as_it_is():

@@ -138,6 +138,23 @@ def test_a_form_has_every_odd_product_of_third_order_in_drift_turning_and_rudder
     assert found == {"Y": every, "N": every}
 
 
+def test_another_power_of_drag_leaves_the_reference_speed_and_changes_others_as_a_power_does():
+    """Where thrust and drag balance at two revolutions, thrust goes as drag with the power there."""
+    model = build_model(load_vehicle("generic_sub"), 3)
+    rpm, slow = model.vehicle.rpm_ref, 0.7 * model.vehicle.rpm_ref
+
+    def speed(n, power):
+        par = model.with_values({"power_of_drag.power": power})
+        t = 0.5 * model.scales["L"] / model.scales["U"] * np.arange(120)
+        plan = plan_run(model, t, {"n_cmd": np.full(t.size, n), "delta_r_cmd": np.zeros(t.size)})
+        return simulate(model, par, plan, steady_start(model, n)).states[-1, model.states.index("u")]
+
+    assert speed(rpm, 0.0) == pytest.approx(model.scales["U"], rel=0.02)
+    assert speed(rpm, 0.5) == pytest.approx(speed(rpm, 0.0), rel=0.01)
+    assert speed(slow, 0.5) > 1.03 * speed(slow, 0.0)  # less drag below the reference speed
+    assert speed(1.4 * rpm, 0.5) < 0.97 * speed(1.4 * rpm, 0.0)  # more above
+
+
 def test_an_asymmetry_in_turns_leaves_a_straight_course_and_moves_both_turns_to_one_side():
     model = build_model(load_vehicle("lauv"), 3)
     s, base = model.scales, model.nominal.copy()

@@ -28,7 +28,14 @@ from bayesid.diagnosis.hypotheses.rules import (
     OUTSIDE_SAID,
 )
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
-from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
+from bayesid.diagnosis.plain_words import (
+    in_words,
+    intervals,
+    lowered,
+    power_of_drag,
+    probability,
+    sentence,
+)
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, InPlaceOf, RunError
 from bayesid.diagnosis.run_errors import (
@@ -211,7 +218,9 @@ def _like(result: Result) -> str:
     names = [in_words(n) for n in form.looks_like]
     if form.period is not None:
         names.append(f"roll with a period of {form.period:.3g} s")
-    return f"; it looks like {' and '.join(names)}" if names else ""
+    like = f"; it looks like {' and '.join(names)}" if names else ""
+    power = form.drag_power
+    return like if power is None else f"; {power_of_drag(power)}{like}"
 
 
 def _outcome(result: Result, run: RunError) -> str:

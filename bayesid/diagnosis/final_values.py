@@ -13,7 +13,7 @@ from dataclasses import asdict
 import numpy as np
 
 from bayesid.diagnosis.attempt import attempt
-from bayesid.diagnosis.data.model_form import resonates
+from bayesid.diagnosis.data.model_form import pushes_ahead, resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.effects_found import effects_found, in_place_of
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
@@ -273,7 +273,7 @@ def _form(
     first, last = len(problem.stated.names), len(problem.coefficients.names)
     sd = np.maximum(best.fit.sd, jackknife(best.fit))[first:last]
     values = best.fit.values[first:last]
-    rows, like = [], []
+    rows, like, power = [], [], None
     for name, value, spread in zip(problem.coefficients.names[first:last], values, sd, strict=True):
         effect, _, parameter = name.partition(".")
         if not parameter:
@@ -281,6 +281,8 @@ def _form(
             rows.append(FormRow(name, term(name).axis, float(value / unit), float(spread / abs(unit))))
         elif resonates(model.effects[effect]):
             continue  # the period says it
+        elif pushes_ahead(model.effects[effect]):
+            power = Estimate(2.0 + float(value), float(spread))
         elif (
             model.effect_off[model.index[name]] == 0.0
             and abs(value - model.nominal[model.index[name]]) > CLEAR * spread
@@ -293,6 +295,7 @@ def _form(
         form.period,
         tuple(dict.fromkeys((*like, *own))),
         tuple(r for r in rows if abs(r.force) > CLEAR * r.sd)[:MOST_ROWS],
+        power,
     )
 
 

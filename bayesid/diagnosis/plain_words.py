@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
-from bayesid.diagnosis.result_parts import Effect
+from bayesid.diagnosis.result_parts import Effect, Estimate
 
 _PLACE = re.compile(r"\{([^{}:]+):([^{}:]+)(?::([^{}:]*):([^{}:]*))?\}")
 _DEGREE = 180 / math.pi
@@ -111,6 +111,13 @@ def _all_round(bearing: Size) -> bool:
 def probability(p: float) -> str:
     """Two decimals, at either end that it lies beyond."""
     return "above 0.99" if p > 0.995 else "below 0.01" if p < 0.005 else f"{p:.2f}"
+
+
+def power_of_drag(power: Estimate) -> str:
+    """The power of the speed that drag goes with, and its 95 % interval."""
+    reach = 1.96 * power.sd
+    value, low, high = _aligned(Size(power.value, power.value - reach, power.value + reach))
+    return f"drag goes with the speed to the power {value}, not 2 (95 %: {low} to {high})"
 
 
 def number(x: float) -> str:

@@ -436,7 +436,7 @@ class FormRow:
 
 @dataclass(frozen=True)
 class ModelFormPart:
-    """A force that depends on the motion, not on a straight course, and that the equations lack."""
+    """A force that depends on the motion and that the equations lack."""
 
     gain: Annotated[
         float,
@@ -454,6 +454,7 @@ class ModelFormPart:
         About("Declared effects that are part of it and differ from off by two standard deviations."),
     ]
     rows: Annotated[tuple[FormRow, ...], About("Rows that differ from zero by as much, clearest first.")]
+    drag_power: Annotated[Estimate | None, About("Power of the speed that drag goes with in it.")] = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,14 +40,16 @@ class ModelForm:
     sizes : axis -> standard deviation of every row's force over 1/2 rho L^2 U^2 (moments L^3) at the typical
         motion; 0 for none
     period : of a resonance the planar model leaves out [s]; None without
+    ahead : whether drag may go with another power of the speed, which acts on a straight course as well
     """
 
     sizes: Mapping[str, float]
     period: float | None = None
+    ahead: bool = False
 
     @property
     def acts(self) -> bool:
-        return self.period is not None or any(self.sizes.values())
+        return self.ahead or self.period is not None or any(self.sizes.values())
 
 
 def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
@@ -59,8 +61,10 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
         acts = any(form.sizes.get(axis, 0.0) for axis in effect.force)
         if resonates(effect):
             acts = form.period is not None
-        elif not effect.force:
-            acts = effect.as_form == "only"  # of a sensor
+        elif pushes_ahead(effect):
+            acts = form.ahead
+        elif not effect.force:  # of a sensor
+            acts = effect.as_form == "only" and (form.period is not None or any(form.sizes.values()))
         if acts and effect.as_form in ("also", "only"):
             chosen.append(effect)
     return tuple(chosen)
@@ -115,6 +119,11 @@ def frequency_start(model: Model, form: ModelForm, par: Array) -> Array:
 def resonates(effect: Effect) -> bool:
     """Whether it is part of a form only where a period was seen: that of a motion left out."""
     return effect.as_form == "only" and any(p.name == FREQUENCY for p in effect.parameters)
+
+
+def pushes_ahead(effect: Effect) -> bool:
+    """Whether it is part of a form only where the runs ask for it by itself: a force ahead alone."""
+    return effect.as_form == "only" and set(effect.force) == {"X"}
 
 
 def _frequency(model: Model, form: ModelForm) -> float:

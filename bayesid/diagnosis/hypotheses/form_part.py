@@ -60,6 +60,7 @@ def lost_without_form(
     rest = ModelForm(
         {axis: 0.0 if whole or axis in (axes or ()) else size for axis, size in form.sizes.items()},
         None if whole and resonance else form.period,
+        form.ahead and not whole and "X" not in (axes or ()),
     )
     if rest == replace(form, sizes=dict(form.sizes)):
         return 0.0

@@ -10,11 +10,11 @@ chosen per axis, and the density of every run given the others.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.diagnosis.data.model_form import ModelForm, form_effects, resonates, with_form
+from bayesid.diagnosis.data.model_form import ModelForm, form_effects, pushes_ahead, resonates, with_form
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.cross_validation import left_out
@@ -81,13 +81,13 @@ def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> SoughtForm | N
     for _ in range(ROUNDS):
         for axis in equations.axes:
             for size in (0.0, *SIZES):
-                tried = ModelForm({**form.sizes, axis: size}, form.period)
+                tried = replace(form, sizes={**form.sizes, axis: size})
                 value = equations.evidence(tried)
                 if value > best + (ADD_EVIDENCE if form.sizes[axis] == 0.0 else 0.0):
                     best, form = value, tried
-        if equations.period is not None and form.period is None:
-            tried = ModelForm(form.sizes, equations.period)
-            if (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
+        for more in ({"ahead": equations.ahead}, {"period": equations.period}):
+            tried = replace(form, **more)
+            if tried != form and (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
                 best, form = value, tried
     if not form.acts:
         return None
@@ -111,14 +111,15 @@ class _Columns:
         self._problem, self._equations, self._free, self._largest = problem, equations, free, largest
         self._named, self._explanation = named, explanation  # parameters of causes, and of all
         self.axes = tuple(largest.sizes)
-        self.period = largest.period
+        self.period, self.ahead = largest.period, largest.ahead
 
     @classmethod
     def along(cls, problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None) -> _Columns:
         model, fitted = problem.model, best.fit
         planar = model.dof == 3
         roll = period if planar and any(resonates(e) for e in model.kernel.effects) else None
-        largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll)
+        ahead = any(pushes_ahead(e) for e in model.kernel.effects)
+        largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll, ahead)
         free = with_form(model, problem.stated, largest, problem.absent_fins)
         explanation = [model.effects[n] for n in best.effects if n in model.effects]
         for effect in explanation:

@@ -63,6 +63,20 @@ EFFECTS = (
         "Alternative: hull_fouling_all, every straight-ahead row.",
     ),
     Effect(
+        name="power_of_drag",
+        says="Drag goes with another power of the speed than the simulator's: {power:+} beside two.",
+        family="power_of_drag",
+        port="force",
+        where=("X",),
+        parameters=(EffectParameter("power", "-", 0.2, low=-1, high=2, about="of the speed, beyond two"),),
+        force={"X": "quadratic_drag()*((max(abs(u), 0.02*U_ref)/U_ref)**power - 1)"},
+        source="friction of turbulent flow (1.8 to 1.9), waves of a hull at the surface (more than two)",
+        magnitude="powers of 1.8 to 2.3",
+        form="Nothing at the reference speed, where the simulator was tuned; below a fiftieth of it the "
+        "share of drag stays.",
+        as_form="only",
+    ),
+    Effect(
         name="propeller_side_force",
         says="The propeller pushes the stern aside with {side_force:%:of its thrust to starboard:"
         "of its thrust to port}.",

@@ -5,7 +5,7 @@ Takes a `Result`. Does not compute.
 
 from __future__ import annotations
 
-from bayesid.diagnosis.plain_words import in_words
+from bayesid.diagnosis.plain_words import in_words, power_of_drag
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import ModelFormPart
 from bayesid.report.writer import Block, Section, Table, Text, literal
@@ -21,7 +21,7 @@ def form_sections(result: Result) -> list[Section]:
 
 def _blocks(form: ModelFormPart) -> list[Block]:
     axes = ", ".join(f"{a} {1e3 * s:.2g}" for a, s in form.sizes.items())
-    if not form.sizes and form.period is None:
+    if not form.sizes and form.period is None and form.drag_power is None:
         return [
             Text(
                 f"The best explanation holds {' and '.join(in_words(n) for n in form.looks_like)} "
@@ -41,6 +41,10 @@ def _blocks(form: ModelFormPart) -> list[Block]:
         text += (
             f" It has a resonance with a period of {form.period:.3g} s, as the roll that a planar model "
             "leaves out has: a model with six degrees of freedom can tell."
+        )
+    if form.drag_power is not None:
+        text += (
+            f" In it {power_of_drag(form.drag_power)}; at the reference speed the drag is the simulator's."
         )
     if form.rows:
         return [
