@@ -290,6 +290,23 @@ def test_re_tuning_out_of_all_reason_is_told_where_no_effect_is_named():
     assert "N_v" in answer(a_result("coefficients", (), (), 0.0, moved=far)).headline
 
 
+def test_an_added_mass_that_is_clearly_negative_fails_a_check_in_each_model_that_has_it():
+    def said(retuned, explained, sd=1.0, given=-90.9, name="Y_vdot"):
+        moved = {name: Moved(given, 13.6, retuned, explained, sd, sd)}
+        return [text for text in failures(a_result(moved=moved)) if "negative added mass" in text]
+
+    (first, second) = said(83.0, 10.0)
+    assert first.startswith(
+        "Re-tuned, Y_vdot is 83 instead of -90.9: a negative added mass, which no hull has."
+    )
+    assert second.startswith("With the explanation, Y_vdot is 10 instead of -90.9")
+    assert said(83.0, -80.0) == [first]
+    assert said(-180.0, -20.0) == []  # far off, but an added mass
+    assert said(1.0, 1.0) == []  # not clearly
+    assert said(83.0, 10.0, name="Y_rdot") == []  # of either sign
+    assert said(83.0, 10.0, given=5.0) == []  # the file has it so
+
+
 def test_with_what_diverges_or_predicts_worse_nothing_is_to_be_predicted():
     good, lost = a_run(), a_run("r3", "identify", (76.0, 30.0, None), (0.5, 0.3, None))
     worse = a_run("r4", position=(10.0, 9.0, 30.0))

@@ -11,11 +11,11 @@ from collections.abc import Collection, Mapping
 
 from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import RunError
+from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 from bayesid.places import NOWHERE, Places
-from bayesid.words import digits, first_few
+from bayesid.words import and_list, digits, first_few
 
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
 NEEDS_NONE = ("none", "model_form")
@@ -23,6 +23,8 @@ NEEDS_NONE = ("none", "model_form")
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one
+# Accelerations along their own axis: minus the added mass or inertia.
+ADDED_MASSES = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 # Begins the note of a diagnosis that wrote no model.
 NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
@@ -61,6 +63,7 @@ def failures(result: Result) -> tuple[str, ...]:
         )
     if far := far_off(result):
         out.append(far)
+    out += negative_added_mass(result)
     refits = [r for r in result.refits if set(r.effects) == set(used)] if used else result.refits
     if refits and not refits[0].converged:
         out.append(
@@ -151,6 +154,27 @@ def far_off(result: Result) -> str:
     if beside := completed_far(moved, completed):
         said.append(f"{'It also needs' if told else what} {beside}")
     return " ".join(said)
+
+
+def negative_added_mass(result: Result) -> list[str]:
+    """A sentence for each model shown in which an added mass is clearly negative: potential flow has none."""
+    out = []
+    for retuned, what in ((True, "Re-tuned"), (False, "With the explanation")):
+        if not retuned and not explanation(result):
+            continue
+        told = []
+        for name in ADDED_MASSES:
+            if (m := result.moved.get(name)) is None or m.given >= 0.0:
+                continue
+            value, sd = (m.retuned, m.retuned_sd) if retuned else (m.explained, m.explained_sd)
+            if value - SURELY_MOVED * (sd or 0.0) > 0.0:
+                told.append(f"{name} is {digits(value, 3)} instead of {digits(m.given, 3)}")
+        if told:
+            out.append(
+                f"{what}, {and_list(told)}: a negative added mass, which no hull has. What is said of that "
+                "model is of no vehicle; orders or readings at other times than stated may be why."
+            )
+    return out
 
 
 def out_of_reason(
