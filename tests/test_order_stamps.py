@@ -1,13 +1,18 @@
 """Orders that change between two stamps of a log."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Plain
 
 import numpy as np
 import pytest
 
+import bayesid
+from bayesid.api.simulate import simulate_model
 from bayesid.diagnosis.input.order_stamps import acts_before_its_stamp, better, read_between_stamps, step_of
+from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
 from bayesid.trials.correction import Correction, apply
 
@@ -84,3 +89,29 @@ def test_orders_are_read_earlier_only_where_that_explains_more():
     one = explained((("wind",), 300.0, 0.0, 0.0))
     assert better(one, explained(none=400.0))
     assert not better(one, explained((("wind",), 310.0, 0.0, 0.0), none=290.0))
+
+
+def logged_every(step, dt, seed=3):
+    """An AUV whose orders change every `step`, logged every `dt`: (trial, its model)."""
+    model = build_model(load_vehicle("remus100"), 3)
+    noise = {"x": 0.05, "y": 0.05, "psi": 0.003, "r": 0.002, "u": 0.004, "v": 0.004}
+    runs = ("zigzag:13/13", "zigzag:10/10,rpm=1200", "turn:12", "prbs:12", "zigzag:12/12,rpm=1700")
+    trial = simulate_model(model, "remus100", runs, step, None, None, noise, seed)
+    every = round(dt / step)
+
+    def thinned(run):
+        columns = {g: {n: v[::every] for n, v in getattr(run, g).items()} for g in Run.GROUPS}
+        return replace(run, t=run.t[::every], **columns)
+
+    return replace(trial, runs=tuple(thinned(run) for run in trial.runs)), model
+
+
+@pytest.mark.thorough
+def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_do_not_is_not():
+    """0.8 s between stamps of a vehicle of 1.33 m; in the control every order changes at a stamp."""
+    for step, told in ((0.1, True), (0.8, False)):
+        trial, _ = logged_every(step, 0.8)
+        found = bayesid.diagnose(trial, "remus100", next_manoeuvre=False, keep_model=False)
+        said = [text for text in found.found.result.warnings if "change between stamps" in text]
+        assert bool(said) == told
+        assert found.verdict in ("none", "model_form")
