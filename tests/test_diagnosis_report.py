@@ -18,7 +18,7 @@ from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import why
 from bayesid.report.diagnosis.effect_posterior import to_use
-from bayesid.report.diagnosis.evidence import held_words, moved_blocks, runs_blocks
+from bayesid.report.diagnosis.evidence import cause_blocks, held_words, moved_blocks, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
 from bayesid.report.diagnosis.limits import next_blocks
@@ -234,6 +234,20 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
     )
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead
+
+
+def test_what_an_effect_does_is_told_as_a_finding_only_where_it_is_named():
+    """A newcomer read play, a late rudder and ballast as found, of five in question."""
+    effects = tuple(replace(e, says="The air moves at {V_wind:m/s}.") for e in RESULT.effects)
+    said = {
+        word: to_markdown(cause_blocks(replace(RESULT, verdict=word, effects=effects))[0].body).split("\n")[0]
+        for word in ("effect", "ambiguous")
+    }
+    flat, doubted = said["effect"], said["ambiguous"]
+    assert flat.startswith("- ") and not flat.startswith("- If ")
+    name, told = doubted.removeprefix("- If ").split(" acts (probability ")
+    assert name == in_words(RESULT.effects[0].name)
+    assert told.split("): ")[1] == flat[2].lower() + flat[3:]
 
 
 def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():

@@ -9,9 +9,9 @@ import math
 from typing import Any
 
 from bayesid.diagnosis.answer import Answer
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING
 from bayesid.diagnosis.hypotheses.verdict import REFUTED
-from bayesid.diagnosis.plain_words import in_words, number, sentence
+from bayesid.diagnosis.plain_words import in_words, lowered, number, probability, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns
@@ -124,17 +124,18 @@ OF_BEFORE = {
 
 def cause_blocks(result: Result) -> list[Block]:
     """Probabilities of the causes and what their sizes mean."""
-    probability, acting = result.probabilities, result.acting
-    top = [n for n in sorted(probability, key=lambda n: -probability[n]) if probability[n] >= 5e-4]
-    joint = any(acting.get(n, 0.0) > probability[n] + 1e-3 for n in top)
+    shares, acting = result.probabilities, result.acting
+    top = [n for n in sorted(shares, key=lambda n: -shares[n]) if shares[n] >= 5e-4]
+    joint = any(acting.get(n, 0.0) > shares[n] + 1e-3 for n in top)
     rows = [
         [
-            in_words(n), f"{probability[n]:.3f}", *([f"{acting.get(n, 0.0):.3f}"] if joint else []),
+            in_words(n), f"{shares[n]:.3f}", *([f"{acting.get(n, 0.0):.3f}"] if joint else []),
             _in_set(n, result),
         ]
         for n in top[:MOST_CAUSES]
     ]  # fmt: skip
-    said = [f"- {literal(sentence(e))}" for e in result.effects if e.says]
+    named = result.verdict in NAMING
+    said = [f"- {literal(sentence(e) if named else _if_it_acts(e))}" for e in result.effects if e.says]
     blocks: list[Block] = [Text("\n".join([*said, *(meaning(e) for e in result.effects if e.parameters)]))]
     if not result.effects:
         blocks = []
@@ -157,6 +158,12 @@ def cause_blocks(result: Result) -> list[Block]:
             )
         )
     return blocks
+
+
+def _if_it_acts(effect: Effect) -> str:
+    """What an effect in question does, which is no finding."""
+    said = lowered(sentence(effect))
+    return f"If {in_words(effect.name)} acts (probability {probability(effect.probability)}): {said}"
 
 
 def meaning(effect: Effect) -> str:
