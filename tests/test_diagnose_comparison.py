@@ -386,7 +386,7 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
     monkeypatch.setattr(comparison, "readable", lambda problem, effect, table: False)
     monkeypatch.setattr(comparison, "form_gain", lambda problem, best, axes=None: 40.0)
     monkeypatch.setattr(comparison, "left_out", lambda equations: equations)
-    monkeypatch.setattr(comparison, "cost_of_sizes", lambda problem, c: c.log_evidence)
+    monkeypatch.setattr(comparison, "cost_of_sizes", lambda problem, c, sensors: c.log_evidence)
     refits = [
         hypothesis(300.0, "wind", "lag"),
         hypothesis(290.0, "lag", "wind"),

@@ -70,17 +70,22 @@ def test_a_size_costs_what_the_nearer_end_of_its_interval_is_improbable_of_the_u
     keys = [ballast.key(p.name) for p in ballast.parameters]
     fit = Plain(free=Plain(names=("N_r", *keys), sd=np.array([0.1, 0.06, 0.2])))
 
-    def cost(value, sd, place=0.0):
+    def cost(value, sd, place=0.0, told=None):
         table = {keys[0]: (value, sd), keys[1]: (place, 0.01)}
-        monkeypatch.setattr(unusual_sizes, "parameters_told", lambda problem, c: table)
+        monkeypatch.setattr(unusual_sizes, "parameters_told", lambda problem, c, sensors: table)
         problem = Plain(model=Plain(effects={"ballast_mass": ballast}))
-        return unusual_sizes.cost_of_sizes(problem, Plain(fit=fit, effects=("ballast_mass",)))
+        return unusual_sizes.cost_of_sizes(
+            problem,
+            Plain(fit=fit, effects=("ballast_mass",)),
+            Plain(table={} if told is None else {told: table[told]}),
+        )
 
     end = 0.3 - stats.norm.ppf(0.975) * SIZE_DEVIATIONS * 0.02
     odds = stats.norm.logpdf(0.0, scale=0.06) - stats.norm.logpdf(end, scale=0.06)
     assert cost(0.3, 0.02) == pytest.approx(odds, rel=1e-3)
     assert cost(-0.3, 0.02, place=5.0) == cost(0.3, 0.02)
     assert cost(0.1, 0.04) == 0.0
+    assert cost(0.3, 0.02, told=keys[0]) == 0.0  # kinematics told it, and its evidence has paid
 
 
 RUNS, READINGS, COEFFICIENTS = 5, 40, 3

@@ -9,7 +9,13 @@ import pytest
 
 import bayesid
 from bayesid.api.simulate import simulate_model
-from bayesid.diagnosis.input.order_stamps import acts_before_its_stamp, better, read_between_stamps, step_of
+from bayesid.diagnosis.input.order_stamps import (
+    acts_before_its_stamp,
+    better,
+    between_stamps,
+    same_readings,
+    step_of,
+)
 from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle
@@ -47,11 +53,12 @@ def test_orders_between_stamps_switch_halfway_and_the_trial_says_how_to_keep_it(
     t, order = 0.2 * np.arange(30), np.where(np.arange(30) < 10, 0.1, -0.1)
     trial = Trial("a", Path("."), "remus100", 3, (run_of(t, order),), {})
     assert step_of(trial) == pytest.approx(0.2)
-    earlier, text = read_between_stamps(trial, step_of(trial))
+    earlier, text = between_stamps(trial, step_of(trial))
     found = earlier.runs[0].commands["delta_r_cmd"]
     assert found[9] == pytest.approx(0.0, abs=1e-9)
-    assert np.delete(found, 9) == pytest.approx(np.delete(order, 9))
-    assert "late = { delta_r_cmd = 0.1 }" in text and text in earlier.warnings
+    assert np.array_equal(np.delete(found, 9), np.delete(order, 9))  # to the bit: no other row is a switch
+    assert same_readings(trial, earlier)
+    assert "late = { delta_r_cmd = 0.1 }" in text
 
 
 def explained(*rows, none=0.0):
@@ -115,3 +122,22 @@ def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_d
         said = [text for text in found.found.result.warnings if "change between stamps" in text]
         assert bool(said) == told
         assert found.verdict in ("none", "model_form")
+
+
+@pytest.mark.parametrize("steps", [(0.1, 1.0), (0.2, 0.2, 0.25)])
+def test_runs_logged_at_different_rates_have_no_half_step(steps):
+    runs = tuple(
+        replace(run_of(dt * np.arange(30), np.zeros(30)), name=f"r{k}") for k, dt in enumerate(steps)
+    )
+    assert step_of(Trial("a", Path("."), "remus100", 3, runs, {})) is None
+
+
+def test_an_unknown_order_and_a_wrapped_direction_are_read_as_they_are_held():
+    t = 0.2 * np.arange(12)
+    late = Correction(late={"delta_r_cmd": 0.1, "azimuth_port_cmd": 0.1})
+    order, way = np.repeat([np.nan, 0.2, 0.4], 4), np.repeat([3.1, -3.1, -3.0], 4)
+    run = replace(run_of(t, order), commands={"delta_r_cmd": order, "azimuth_port_cmd": way})
+    found = apply(late, run).commands
+    assert np.isnan(found["delta_r_cmd"][:4]).all() and found["delta_r_cmd"][7] == pytest.approx(0.3)
+    assert found["azimuth_port_cmd"][3] == 3.1  # not halfway round by way of nought
+    assert found["azimuth_port_cmd"][7] == pytest.approx(-3.05)

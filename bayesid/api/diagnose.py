@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -27,13 +27,19 @@ from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import as_read, check_trial, mended, missing_orders, not_enough
 from bayesid.diagnosis.input.memory_needed import enough_memory
-from bayesid.diagnosis.input.order_stamps import acts_before_its_stamp, better, read_between_stamps, step_of
+from bayesid.diagnosis.input.order_stamps import (
+    acts_before_its_stamp,
+    better,
+    between_stamps,
+    same_readings,
+    step_of,
+)
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
-from bayesid.errors import TrialError
+from bayesid.errors import BayesidError, TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.places import NOWHERE, Places, places_of
@@ -132,7 +138,28 @@ def diagnose(
     def used(of: Trial) -> Trial:
         return as_read(of, model, resample, trust_input)
 
-    def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
+    def or_between_stamps(
+        found: Diagnosis, of: Trial, right: Trial, run_on: Callable[[Trial], Diagnosis]
+    ) -> Diagnosis:
+        """The diagnosis, or one of orders half a step earlier where that explains more."""
+        if resample or (step := step_of(right)) is None:
+            return found
+        earlier, text = between_stamps(right, step)
+        try:
+            read = used(earlier)
+            if not same_readings(of, read):
+                return found
+            shown.note(f"an order acts before it is logged; once more with orders {0.5 * step:.3g} s earlier")
+            again = run_on(replace(read, warnings=(*of.warnings, text)))
+        except BayesidError as error:
+            shown.note(f"orders half a step earlier could not be tried ({error})")
+            return found
+        if better(found, again):
+            return again
+        shown.note("orders stay as logged: half a step earlier they explain no more")
+        return found
+
+    def diagnosis(of: Trial, checked: InputCheck, right: Trial | None = None) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model, model.dof == 6))
         if before := 0 if kept is None else len(list(kept.glob(f"*{SUFFIX}"))):
             shown.note(
@@ -144,11 +171,8 @@ def diagnose(
         )  # fmt: skip
         with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
             found = run_on(of)
-            if not trust_input and acts_before_its_stamp(found):
-                earlier, text = read_between_stamps(of, step_of(logged))
-                shown.note(f"once more: {text}")
-                again = run_on(earlier)
-                found = again if better(found, again) else found
+            if right is not None and acts_before_its_stamp(found):
+                found = or_between_stamps(found, of, right, run_on)
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)
@@ -173,7 +197,7 @@ def diagnose(
         right = used(mended(logged, of_log))
         if not_enough(right, model):
             return None
-        found = diagnosis(right, of_log)
+        found = diagnosis(right, of_log, mended(logged, of_log))
         if found.found.result.simulator:
             return of_mended(of_log, found) if of_log.findings else found
         if found.journal is not None:  # nobody saves it
@@ -195,11 +219,12 @@ def diagnose(
         checked = checked.insisted
     if any(finding.correction is None for finding in checked.findings):
         return InputResult(logged.name, checked)
-    trial = used(mended(logged, checked) if checked.findings else logged)
+    right = mended(logged, checked) if checked.findings else logged
+    trial = used(right)
     trial = replace(trial, warnings=(*trial.warnings, *checked.left_open))
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
-    result = diagnosis(trial, checked)
+    result = diagnosis(trial, checked, right)
     return of_mended(checked, result) if checked.findings else result
 
 

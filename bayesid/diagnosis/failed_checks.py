@@ -167,7 +167,7 @@ def negative_added_mass(result: Result) -> list[str]:
             if (m := result.moved.get(name)) is None or m.given >= 0.0:
                 continue
             value, sd = (m.retuned, m.retuned_sd) if retuned else (m.explained, m.explained_sd)
-            if value - SURELY_MOVED * (sd or 0.0) > 0.0:
+            if sd is not None and value - SURELY_MOVED * sd > 0.0:
                 told.append(f"{name} is {digits(value, 3)} instead of {digits(m.given, 3)}")
         if told:
             out.append(

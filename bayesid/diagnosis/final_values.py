@@ -282,7 +282,8 @@ def _form(
         elif resonates(model.effects[effect]):
             continue  # the period says it
         elif pushes_ahead(model.effects[effect]):
-            power = Estimate(2.0 + float(value), float(spread))
+            if abs(value) > CLEAR * spread > 0.0:
+                power = Estimate(2.0 + float(value), float(spread))
         elif (
             model.effect_off[model.index[name]] == 0.0
             and abs(value - model.nominal[model.index[name]]) > CLEAR * spread

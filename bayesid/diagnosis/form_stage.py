@@ -149,7 +149,7 @@ def _with_form(
     # an effect that may itself be part of a form need not be beaten, only equalled
     rival = any(problem.model.effects[n].as_form for n in before.effects if not before.widens)
     least = before.log_evidence + (0.0 if rival else float(FORM_EVIDENCE))
-    # what does not arrive gives way to what does, and to nothing that does not and is less probable
+    # what does not arrive gives way to what does, and to what does not only where that gains as much
     if after.log_evidence < least and (explains(before) or not explains(after)):
         return None, None
     if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it

@@ -149,7 +149,8 @@ def apply(correction: Correction, run: Run) -> Run:
             series[name] = np.where(run.t >= since, series[name] + value, series[name])
     for name, delay in correction.late.items():
         if name in series:
-            series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
+            kind, angle = channel(name).kind, channel(name).unit == "rad"
+            series[name] = _earlier(run.t, series[name], delay, kind, angle)
     t, began, known_from = run.t, run.began, _known_from(correction, run)
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
@@ -302,14 +303,14 @@ def _unwrapped(angle: Floats) -> Floats:
     return out
 
 
-def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
+def _earlier(t: Floats, values: Floats, delay: float, kind: str, angle: bool = False) -> Floats:
     """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs.
 
     An order that switches while a row holds is its mean over that time.
     """
     at = t + delay
     if kind == "command":
-        return _mean_order(t, values, at)
+        return _mean_order(t, values, at, angle)
     good = np.isfinite(values)
     if good.sum() < 2:
         return values
@@ -320,8 +321,10 @@ def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
     return out
 
 
-def _mean_order(t: Floats, values: Floats, at: Floats) -> Floats:
-    """Means of an order from each of the times `at` to the next."""
+def _mean_order(t: Floats, values: Floats, at: Floats, angle: bool) -> Floats:
+    """Means of an order from each of the times `at` to the next; as held where it is unknown or turns by more
+    than half a circle, as a thruster's direction that is logged wrapped.
+    """
     hold = np.diff(t)
     end = at + np.append(hold, hold[-1] if hold.size else 0.0)
     least = 1e-6 * float(hold.min()) if hold.size else 0.0  # what is left of a row by rounding is none of it
@@ -330,8 +333,15 @@ def _mean_order(t: Floats, values: Floats, at: Floats) -> Floats:
         for s, side in ((at + least, "right"), (end - least, "left"))
     )
     out = values[first].copy()
-    done = np.concatenate([[0.0], np.cumsum(values[:-1] * hold)])  # of the order over time, at every row
-    mixed = (last > first) & np.isfinite(done[last])
+    step = np.diff(values)
+    known = np.isfinite(values)
+    # an order that is held keeps its number to the last bit: it is no switch
+    switched = (step != 0.0) & (np.abs(step) < math.pi if angle else True)
+    counted, unknown = (np.append(0, np.cumsum(x)) for x in (switched, ~known[1:]))
+    turned = np.append(0, np.cumsum((step != 0.0) & ~switched))
+    mixed = (counted[last] > counted[first]) & (unknown[last] == unknown[first]) & known[first]
+    mixed &= turned[last] == turned[first]
+    done = np.append(0.0, np.cumsum(np.where(known, values, 0.0)[:-1] * hold))  # of the order over time
     upto = done[last] + values[last] * (end - t[last])
     since = done[first] + values[first] * (at - t[first])
     out[mixed] = ((upto - since) / np.where(end > at, end - at, 1.0))[mixed]

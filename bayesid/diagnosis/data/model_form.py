@@ -123,7 +123,7 @@ def resonates(effect: Effect) -> bool:
 
 def pushes_ahead(effect: Effect) -> bool:
     """Whether it is part of a form only where the runs ask for it by itself: a force ahead alone."""
-    return effect.as_form == "only" and set(effect.force) == {"X"}
+    return effect.as_form == "only" and effect.family == "power_of_drag"
 
 
 def _frequency(model: Model, form: ModelForm) -> float:

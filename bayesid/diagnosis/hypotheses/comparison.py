@@ -439,10 +439,11 @@ def _form_error(
     for c in sorted((c for c in causes if explains(c)), key=lambda c: c.log_evidence):
         key = tuple(sorted(c.effects))
         straight = max(sum(certain.get(n, 0.0) for n in key), explained_by(off, c.fit, least))
-        kept = by_kinematics(problem, c).evidence + straight
+        sensors_of = by_kinematics(problem, c)
+        kept = sensors_of.evidence + straight
         alone[key] = max(alone.get(key, 0.0), kept)
         by_run[key] = left_out(c.fit.equations)
-        costs[key] = cost_of_sizes(problem, c)
+        costs[key] = cost_of_sizes(problem, c, sensors_of)
     sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))
     whole = FormError(FORM_LEAVES * beside, alone, sensors, axes, by_run=by_run, costs=costs)
     asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}

@@ -24,9 +24,17 @@ if TYPE_CHECKING:
     from bayesid.diagnosis.run import Diagnosis
 
 
-def step_of(logged: Trial) -> float:
-    """Usual time between two rows of the log [s]."""
-    return float(np.median(np.concatenate([np.diff(run.t) for run in logged.identify])))
+# Part of a step by which rows may lie off it, and part of the rows that may not.
+UNEVEN, MOSTLY = 0.1, 0.9
+
+
+def step_of(logged: Trial) -> float | None:
+    """Time between two rows of the log [s]; None where runs differ, or rows of one."""
+    steps = [float(np.median(np.diff(run.t))) for run in logged.identify]
+    even = all(
+        np.mean(np.abs(np.diff(run.t) - steps[0]) < UNEVEN * steps[0]) > MOSTLY for run in logged.identify
+    )
+    return steps[0] if even else None
 
 
 def acts_before_its_stamp(found: Diagnosis) -> bool:
@@ -44,20 +52,29 @@ def acts_before_its_stamp(found: Diagnosis) -> bool:
     return False
 
 
-def read_between_stamps(trial: Trial, step: float) -> tuple[Trial, str]:
-    """The trial with all orders half a step earlier, and what to say of it."""
-    names = sorted({name for run in trial.runs for name in run.commands})
+def between_stamps(logged: Trial, step: float) -> tuple[Trial, str]:
+    """The log with all orders half a step earlier, and the line for `trial.toml` that says so."""
+    names = sorted({name for run in logged.runs for name in run.commands})
     late = Correction(late=dict.fromkeys(names, float(f"{0.5 * step:.3g}")))
     runs = tuple(
         apply(replace(late, late={n: s for n, s in late.late.items() if n in run.commands}), run)
-        for run in trial.runs
+        for run in logged.runs
     )
-    lines = "; ".join(late.lines())
     text = (
         f"the vehicle answers before its orders are logged: they change between stamps, {step:.3g} s apart, "
-        f"and are read half of that earlier ([corrections] {lines} in trial.toml says so for good)"
+        f"and are read half of that earlier ([corrections] {'; '.join(late.lines())} in trial.toml says so for "
+        "good, to predictions as well)"
     )
-    return replace(trial, runs=runs, warnings=(*trial.warnings, text)), text
+    return replace(logged, runs=runs), text
+
+
+def same_readings(one: Trial, other: Trial) -> bool:
+    """Whether two trials hold as many readings of each channel, so that evidence of both compares."""
+
+    def counts(trial: Trial) -> list[dict[str, int]]:
+        return [{n: int(np.isfinite(v).sum()) for n, v in run.data.items()} for run in trial.identify]
+
+    return counts(one) == counts(other)
 
 
 def better(one: Diagnosis, other: Diagnosis) -> bool:

@@ -21,7 +21,7 @@ def form_sections(result: Result) -> list[Section]:
 
 def _blocks(form: ModelFormPart) -> list[Block]:
     axes = ", ".join(f"{a} {1e3 * s:.2g}" for a, s in form.sizes.items())
-    if not form.sizes and form.period is None and form.drag_power is None:
+    if form.looks_like and not form.sizes and form.period is None and form.drag_power is None:
         return [
             Text(
                 f"The best explanation holds {' and '.join(in_words(n) for n in form.looks_like)} "
@@ -56,4 +56,6 @@ def _blocks(form: ModelFormPart) -> list[Block]:
                 "share what the manoeuvres cannot tell apart.",
             ),
         ]
-    return [Text(text + " No single row differs from zero by two standard deviations: only their sum does.")]
+    if form.sizes:
+        text += " No single row differs from zero by two standard deviations: only their sum does."
+    return [Text(text)]
