@@ -60,9 +60,10 @@ def between_stamps(logged: Trial, step: float) -> tuple[Trial, str]:
         apply(replace(late, late={n: s for n, s in late.late.items() if n in run.commands}), run)
         for run in logged.runs
     )
+    lines = "; ".join(late.lines())
     text = (
         f"the vehicle answers before its orders are logged: they change between stamps, {step:.3g} s apart, "
-        f"and are read half of that earlier ([corrections] {'; '.join(late.lines())} in trial.toml says so for "
+        f"and are read half of that earlier ([corrections] {lines} in trial.toml says so for "
         "good, to predictions as well)"
     )
     return replace(logged, runs=runs), text
