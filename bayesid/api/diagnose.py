@@ -194,10 +194,11 @@ def diagnose(
         of the simulator explains it."""
         if any(f.correction is None for f in of_log.findings):
             return None
-        right = used(mended(logged, of_log))
-        if not_enough(right, model):
+        right = mended(logged, of_log)
+        trial = used(right)
+        if not_enough(trial, model):
             return None
-        found = diagnosis(right, of_log, mended(logged, of_log))
+        found = diagnosis(trial, of_log, right)
         if found.found.result.simulator:
             return of_mended(of_log, found) if of_log.findings else found
         if found.journal is not None:  # nobody saves it

@@ -115,7 +115,7 @@ def probability(p: float) -> str:
 
 def power_of_drag(power: Estimate) -> str:
     """The power of the speed that drag goes with, and its 95 % interval."""
-    reach = 1.96 * power.sd
+    reach = Z95 * power.sd
     value, low, high = _aligned(Size(power.value, power.value - reach, power.value + reach))
     return f"drag goes with the speed to the power {value}, not 2 (95 %: {low} to {high})"
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.trials.held_orders import integral_of_held
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.trial import Floats, Run, Trial
 from bayesid.words import and_list
@@ -252,11 +253,9 @@ class _Grid:
         held = values[row]
         if not self._moving(_moves(values)) or not np.isfinite(values).all() or self.t.size < 2:
             return held
-        spans = np.diff(self._t)
         turning = name.startswith("n_")
         pull = values * np.abs(values) if turning else values
-        total = np.concatenate([[0.0], np.cumsum(pull[:-1] * spans)])
-        until = np.interp(self.t, self._t, total)
+        until = integral_of_held(self._t, pull, self.t)
         mean = np.diff(until) / np.diff(self.t)
         held[:-1] = np.sign(mean) * np.sqrt(np.abs(mean)) if turning else mean
         return held

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
+from bayesid.trials.held_orders import integral_of_held
 from bayesid.trials.kinematics.blocks import joined
 from bayesid.trials.left_out import LeftOut, read_left_out
 from bayesid.trials.trial import Floats, Run
@@ -341,10 +342,8 @@ def _mean_order(t: Floats, values: Floats, at: Floats, angle: bool) -> Floats:
     turned = np.append(0, np.cumsum((step != 0.0) & ~switched))
     mixed = (counted[last] > counted[first]) & (unknown[last] == unknown[first]) & known[first]
     mixed &= turned[last] == turned[first]
-    done = np.append(0.0, np.cumsum(np.where(known, values, 0.0)[:-1] * hold))  # of the order over time
-    upto = done[last] + values[last] * (end - t[last])
-    since = done[first] + values[first] * (at - t[first])
-    out[mixed] = ((upto - since) / np.where(end > at, end - at, 1.0))[mixed]
+    since, upto = (integral_of_held(t, np.where(known, values, 0.0), s[mixed]) for s in (at, end))
+    out[mixed] = (upto - since) / (end - at)[mixed]
     return out
 
 
