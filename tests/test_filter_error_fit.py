@@ -276,9 +276,9 @@ def test_a_bound_holds_one_unknown_and_the_others_are_at_the_best_beside_it():
     a, b = rng.normal(size=(40, 6)), rng.normal(size=40)
     total = normal_equations(b, a, 0.0, 40)
     free = posterior(total).mean
-    assert within_bounds(total, free, np.full(6, -np.inf)) is free
+    assert within_bounds(total, free, np.full(6, -np.inf), np.full(6, np.inf)) is free
     low = np.where(np.arange(6) < 2, free + 0.3, -np.inf)
-    found = within_bounds(total, free, low)
+    found = within_bounds(total, free, low, np.full(6, np.inf))
 
     def cost(z):
         return np.sum((b - a @ z) ** 2) + z @ z

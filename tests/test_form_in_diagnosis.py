@@ -141,12 +141,12 @@ def test_the_evidence_is_that_of_a_prior_cut_at_the_range_of_the_effect(low, hig
         free=Plain(where=np.array([5]), mean=np.array([0.2]), sd=np.array([unit])),
         posterior=Plain(mean=np.array([(mean - 0.2) / unit]), covariance=np.array([[(sd / unit) ** 2]])),
     )
-    model = Plain(effect_limits={5: (low, high)})
+    model = Plain(limits={5: (low, high)})
     inside = quad(lambda x: norm.pdf(x, mean, sd), max(low, mean - 40 * sd), min(high, mean + 40 * sd))[0]
     prior = norm.cdf(high, 0.2, unit) - norm.cdf(low, 0.2, unit)
     if inside > 1e-12:
         assert corrected_evidence(model, fitted) == pytest.approx(np.log(inside / prior), abs=1e-6)
-    assert corrected_evidence(Plain(effect_limits={}), fitted) == 0.0
+    assert corrected_evidence(Plain(limits={}), fitted) == 0.0
 
 
 def test_far_outside_the_range_nothing_is_left_of_the_evidence():
@@ -155,7 +155,7 @@ def test_far_outside_the_range_nothing_is_left_of_the_evidence():
         free=Plain(where=np.array([5]), mean=np.zeros(1), sd=np.ones(1)),
         posterior=Plain(mean=np.array([-7.0]), covariance=np.array([[0.01]])),
     )
-    found = corrected_evidence(Plain(effect_limits={5: (0.0, 1.0)}), fitted)
+    found = corrected_evidence(Plain(limits={5: (0.0, 1.0)}), fitted)
     assert -2460 < found < -2440  # (7/0.1)^2/2, and the prior's half
 
 

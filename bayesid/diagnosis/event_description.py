@@ -17,7 +17,6 @@ from bayesid.diagnosis.cut_runs import sought_in
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.facts import simplest
-from bayesid.estimation.parameters import GaussianPrior
 
 
 def described(compared: Compared) -> tuple[Event, ...]:
@@ -36,7 +35,7 @@ def described(compared: Compared) -> tuple[Event, ...]:
         return known
     fitted = simplest(compared.candidates).fit
     # what the rest tells of the explanation is all that is known of it here
-    free = GaussianPrior(fitted.free.names, fitted.free.where, fitted.values, fitted.sd, fitted.free.low)
+    free = replace(fitted.free, mean=fitted.values, sd=fitted.sd)
     points = [replace(point, par=fitted.par) for point in uncut.path]
     with_rest = replace(uncut, environment=compared.problem.environment)
     again = brief_events(sought_in(with_rest, free, points), lambda: -np.inf, tight=True)

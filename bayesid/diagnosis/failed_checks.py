@@ -14,6 +14,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+from bayesid.model.terms import TERMS
 from bayesid.places import NOWHERE, Places
 from bayesid.words import and_list, digits, first_few
 
@@ -23,8 +24,6 @@ NEEDS_NONE = ("none", "model_form")
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one
-# Accelerations along their own axis: minus the added mass or inertia.
-ADDED_MASSES = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 # Begins the note of a diagnosis that wrote no model.
 NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
@@ -163,7 +162,7 @@ def negative_added_mass(result: Result) -> list[str]:
         if not retuned and not explanation(result):
             continue
         told = []
-        for name in ADDED_MASSES:
+        for name in (t.name for t in TERMS if t.is_added_mass):
             if (m := result.moved.get(name)) is None or m.given >= 0.0:
                 continue
             value, sd = (m.retuned, m.retuned_sd) if retuned else (m.explained, m.explained_sd)

@@ -116,6 +116,18 @@ class Model:
         return out
 
     @cached_property
+    def coefficient_limits(self) -> dict[int, tuple[float, float]]:
+        """Range in which a coefficient is that of a hull [SI], by position: an added mass is not negative,
+        unless the file says so."""
+        added = (self.index[t.name] for t in TERMS if t.is_added_mass and t.name in self.index)
+        return {i: (-math.inf, 0.0) for i in added if self.nominal[i] < 0.0}
+
+    @cached_property
+    def limits(self) -> dict[int, tuple[float, float]]:
+        """Physical ranges of effect parameters and coefficients [SI], by position."""
+        return self.effect_limits | self.coefficient_limits
+
+    @cached_property
     def scales(self) -> dict[str, float]:
         """Vehicle scales that size priors: L [m], U [m/s], rho [kg/m3] at the reference revolutions."""
         return {"L": self.vehicle.L, "U": float(self.nominal[self.index["U_ref"]]), "rho": self.vehicle.rho}

@@ -179,7 +179,7 @@ class GaussianPrior:
     names : (k,) free parameters
     where : (k,) their positions in the model's parameter vector
     mean, sd : (k,) of the prior [SI]
-    low : (k,) lower bounds [SI], -inf for none
+    low, high : (k,) bounds [SI], infinite for none; none above where `high` is not given
     """
 
     names: tuple[str, ...]
@@ -187,6 +187,16 @@ class GaussianPrior:
     mean: Array
     sd: Array
     low: Array
+    high: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.high is None:
+            object.__setattr__(self, "high", np.full(len(self.low), np.inf))
+
+    @property
+    def standard_bounds(self) -> tuple[Array, Array]:
+        """(k,) bounds in prior standard deviations from the mean, twice."""
+        return (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
 
     def __add__(self, other: GaussianPrior) -> GaussianPrior:
         return GaussianPrior(
@@ -195,6 +205,7 @@ class GaussianPrior:
             np.concatenate([self.mean, other.mean]),
             np.concatenate([self.sd, other.sd]),
             np.concatenate([self.low, other.low]),
+            np.concatenate([self.high, other.high]),
         )
 
 
@@ -204,7 +215,8 @@ NO_PARAMETERS = GaussianPrior((), np.zeros(0, dtype=np.int64), np.zeros(0), np.z
 def gaussian_prior(model: Model, params: ParameterSet) -> GaussianPrior:
     """Free parameters of a set with their normal priors; `DEFAULT_RELATIVE_SD` where one states none.
 
-    Bounds count only where an effect may not change its sign; of a joint prior the standard deviations count.
+    Bounds count where an effect may not change its sign and where a coefficient has a physical limit; of a
+    joint prior the standard deviations count.
     A parameter that is zero and has no prior is left out.
     """
     known = (
@@ -217,12 +229,12 @@ def gaussian_prior(model: Model, params: ParameterSet) -> GaussianPrior:
         sd = known.get(p.name, p.prior.spread if p.prior else math.nan)
         sd = sd if math.isfinite(sd) and sd > 0 else DEFAULT_RELATIVE_SD * abs(p.start)
         if sd > 0:
-            kept.append(
-                (p.name, p.prior.centre if p.prior else p.start, sd, p.low if "." in p.name else -math.inf)
-            )
+            limits = model.coefficient_limits.get(model.index[p.name], (-math.inf, math.inf))
+            limits = (p.low, math.inf) if "." in p.name else limits
+            kept.append((p.name, p.prior.centre if p.prior else p.start, sd, *limits))
     names = tuple(name for name, *_ in kept)
-    mean, sd, low = np.array([values for _, *values in kept], dtype=float).reshape(-1, 3).T
-    return GaussianPrior(names, model.positions(names), mean, sd, low)
+    mean, sd, low, high = np.array([values for _, *values in kept], dtype=float).reshape(-1, 4).T
+    return GaussianPrior(names, model.positions(names), mean, sd, low, high)
 
 
 def coefficient_prior(model: Model) -> GaussianPrior:

@@ -230,13 +230,7 @@ def build_problem(
         logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
     if as_built is not None:
-        coefficients = GaussianPrior(
-            coefficients.names,
-            coefficients.where,
-            coefficients.mean,
-            as_built * np.abs(coefficients.mean),
-            coefficients.low,
-        )
+        coefficients = replace(coefficients, sd=as_built * np.abs(coefficients.mean))
     if model.vehicle.prior is None and as_built is None:
         warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
     environment = _environment(model, trial, logs, coefficients, warnings, notify)

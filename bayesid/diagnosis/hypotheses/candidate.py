@@ -84,7 +84,7 @@ def log_mass_in_range(
     out, free = 0.0, fitted.free
     # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
     for mean, sd, i in zip(found.mean, np.sqrt(np.diag(found.covariance)), columns, strict=True):
-        limits = model.effect_limits.get(int(free.where[i]), NO_LIMITS)
+        limits = model.limits.get(int(free.where[i]), NO_LIMITS)
         low, high = ((x - free.mean[i]) / free.sd[i] for x in limits)
         if np.isfinite(low) or np.isfinite(high):
             out += _log_inside(low, high, mean, max(sd, 1e-12)) - _log_inside(low, high, 0.0, 1.0)
@@ -246,13 +246,14 @@ def _relinearised(
     """
     free = fitted.free
     prior = GaussianPrior(
-        tuple(free.names[i] for i in less), free.where[less], free.mean[less], free.sd[less], free.low[less]
-    )
+        tuple(free.names[i] for i in less), free.where[less], free.mean[less], free.sd[less], free.low[less],
+        free.high[less],
+    )  # fmt: skip
     found = posterior(fewer)
     for _ in range(RELINEARISATIONS):
         par = fitted.points[0].par.copy()
         par[free.where] = free.mean
-        inside = within_bounds(fewer, found.mean, (prior.low - prior.mean) / prior.sd)
+        inside = within_bounds(fewer, found.mean, *prior.standard_bounds)
         par[prior.where] = prior.mean + prior.sd * inside
         points = [replace(point, par=par) for point in fitted.points]
         try:

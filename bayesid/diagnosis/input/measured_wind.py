@@ -276,7 +276,9 @@ def _free(problem: DiagnosisProblem, effects: Sequence[str]) -> GaussianPrior:
         kept = np.array([n not in ANOTHER_WIND for n in prior.names])
         sd = np.where(np.array(prior.names) == GAIN, GAIN_SD, prior.sd)[kept]
         names = tuple(n for n in prior.names if n not in ANOTHER_WIND)
-        free = free + GaussianPrior(names, prior.where[kept], prior.mean[kept], sd, prior.low[kept])
+        free = free + GaussianPrior(
+            names, prior.where[kept], prior.mean[kept], sd, prior.low[kept], prior.high[kept]
+        )
     return free
 
 

@@ -146,7 +146,7 @@ def _fit(
             path_points = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        step = within_bounds(total, post.mean, (free.low - free.mean) / free.sd) - z
+        step = within_bounds(total, post.mean, *free.standard_bounds) - z
         correction = _length(step, total)
         against = held or best  # the last at which no pass after it came out worse
         if against is None or not against.refused(merit, correction, now, noise_model):
@@ -247,13 +247,13 @@ def _relaxation(last: float, before: Array, step: Array, total: NormalEquations)
     return float(np.clip(-last * float(before @ bent) / along, LEAST_SHARE, 1.0))
 
 
-def within_bounds(total: NormalEquations, mean: Array, low: Array) -> Array:
-    """Optimum of the quadratic above bounds; `mean` is the one without them."""
-    if np.all(mean >= low):
+def within_bounds(total: NormalEquations, mean: Array, low: Array, high: Array) -> Array:
+    """Optimum of the quadratic within bounds; `mean` is the one without them."""
+    if np.all((mean >= low) & (mean <= high)):
         return mean
     # of the triangle `posterior` has factored: rounding may leave the other one indefinite
     root = cholesky(total.ss + np.eye(mean.size), lower=True).T
-    found = lsq_linear(root, solve_triangular(root, total.se, trans="T"), (low, np.inf), method="bvls")
+    found = lsq_linear(root, solve_triangular(root, total.se, trans="T"), (low, high), method="bvls")
     return np.asarray(found.x)
 
 

@@ -111,6 +111,12 @@ class Term:
         """True for a number of the propeller or rudder formulas: the force is not proportional to it."""
         return self.group == "number"
 
+    @property
+    def is_added_mass(self) -> bool:
+        """Whether it is minus the added mass or inertia along its own axis, which no hull has below zero: it
+        is the energy of the water around it (Lamb 1932, ch. VI)."""
+        return self.regressor == RATES[AXES.index(self.axis)]
+
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
         return () if self.is_number else factors(self.regressor)
