@@ -1,4 +1,4 @@
-"""No refit makes an added mass negative: readings that ask for one get zero and the evidence of a cut prior."""
+"""No refit makes an added mass negative: one that is asked for becomes zero, and its evidence is cut."""
 
 from dataclasses import replace
 
