@@ -295,5 +295,5 @@ def parameter_draws(fitted: FilterErrorFit, rng: np.random.Generator, count: int
     z = (fitted.values - fitted.free.mean) / fitted.free.sd
     out = np.repeat(fitted.par[None], count, axis=0)
     values = fitted.free.mean + fitted.free.sd * (z + rng.standard_normal((count, z.size)) @ root.T)
-    out[:, fitted.free.where] = np.maximum(values, fitted.free.low)
+    out[:, fitted.free.where] = np.clip(values, fitted.free.low, fitted.free.high)
     return out

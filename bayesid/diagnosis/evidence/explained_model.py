@@ -222,5 +222,5 @@ def _without(fitted: FilterErrorFit, run: int) -> Array:
     if free.names:
         total = sum(fitted.equations[1:], fitted.equations[0])
         mean = posterior(total - fitted.equations[run]).mean
-        out[free.where] = np.maximum(free.mean + free.sd * mean, free.low)
+        out[free.where] = np.clip(free.mean + free.sd * mean, free.low, free.high)
     return out

@@ -243,7 +243,7 @@ def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenSc
     z = posterior(total).mean
     par = problem.path[0].par.copy()
     c = problem.coefficients
-    par[c.where] = np.maximum(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low)
+    par[c.where] = np.clip(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low, c.high)
     size = float(z[bank.n_coef])
     if effect.dated is not None:
         par[prior.where] = prior.mean + np.array(score.start) * prior.sd

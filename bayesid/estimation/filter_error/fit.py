@@ -350,7 +350,7 @@ class _Best:
 
     def again(self, model: Model, free: GaussianPrior) -> tuple[list[Trajectory], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
-        values = np.maximum(self.values + self.share * self.step, free.low)
+        values = np.clip(self.values + self.share * self.step, free.low, free.high)
         points, standardised = _moved(
             model, self.paths, free, values, self.noise_model, self.noisy, self.stride
         )
