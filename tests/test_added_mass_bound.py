@@ -9,7 +9,7 @@ from gap_trials import model_of, planted_trial
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence
 from bayesid.estimation.filter_error.fit import fit
-from bayesid.estimation.parameters import coefficient_prior
+from bayesid.estimation.parameters import coefficient_prior, coefficient_set
 
 
 def fits(share):
@@ -51,3 +51,13 @@ def test_only_added_masses_are_bound_and_only_as_the_file_has_them():
     assert np.all(np.isinf([h for n, h in zip(free.names, free.high, strict=True) if n not in bound]))
     turned = model.with_values({"Y_vdot": -model.nominal[model.index["Y_vdot"]]})
     assert model.index["Y_vdot"] not in replace(model, nominal=turned).coefficient_limits
+
+
+def test_the_search_of_a_fit_ends_at_zero_added_mass_however_wide_its_bounds():
+    model = model_of("remus100")
+    entries = {p.name: p for p in coefficient_set(model)}
+    given = model.nominal[model.index["Y_vdot"]]
+    assert entries["Y_vdot"].high == 0.0 and entries["Y_vdot"].low == pytest.approx(6.0 * given)
+    assert entries["Y_v"].high > 0.0
+    narrow = {p.name: p for p in coefficient_set(model, relative_bounds=0.3)}
+    assert narrow["Y_vdot"].high == pytest.approx(0.7 * given)

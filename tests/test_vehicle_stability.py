@@ -136,6 +136,20 @@ def test_an_unphysical_number_is_found(change, words):
     assert any(re.search(words, text) for text in found), found
 
 
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        ("X_0,U", "resistance ahead should be negative"),
+        ("t_P", "thrust deduction should be positive"),
+        ("w_P0", "wake fraction at the propeller should be positive"),
+    ],
+)
+def test_an_unphysical_number_of_a_ship_is_found(number, words):
+    ship = load_vehicle("kvlcc2_mmg")
+    ship = replace(ship, coef=ship.coef | {number: -ship.coef[number]})
+    assert [words in f.text for f in check_vehicle(ship) if f.rows == (number,)] == [True]
+
+
 def test_a_torque_of_the_propeller_stated_twice_is_a_warning():
     boat = load_vehicle("remus100")
     assert boat.propulsion.values["Q_ref"] != 0.0

@@ -31,7 +31,9 @@ Free = Annotated[
 ]
 Fix = Annotated[
     str | None,
-    typer.Option("--fix", metavar="NAMES", help="Keep these as the vehicle has them, e.g. X_udot,Y_vdot."),
+    typer.Option(
+        "--fix", metavar="NAMES", help="Keep these as the vehicle has them, e.g. X_udot,Y_vdot,X_vv,U."
+    ),
 ]
 Runs = Annotated[
     str | None,

@@ -26,6 +26,7 @@ DEFAULT_RELATIVE_SD = 0.1
 SEE_COEFFICIENTS = "; see `bayesid vehicle show` for its coefficients"
 START_SD = 0.2  # prior standard deviations from its end at which a one-sided effect starts
 WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
+NO_LIMIT = (-math.inf, math.inf)
 
 
 def coefficient_set(
@@ -80,7 +81,7 @@ def coefficient_set(
                 value,
                 "free",
                 value - half,
-                value + half,
+                min(value + half, model.coefficient_limits.get(model.index[name], NO_LIMIT)[1]),
                 scale,
                 prior,
                 file_scale=model.file_scale(name),
@@ -229,7 +230,7 @@ def gaussian_prior(model: Model, params: ParameterSet) -> GaussianPrior:
         sd = known.get(p.name, p.prior.spread if p.prior else math.nan)
         sd = sd if math.isfinite(sd) and sd > 0 else DEFAULT_RELATIVE_SD * abs(p.start)
         if sd > 0:
-            limits = model.coefficient_limits.get(model.index[p.name], (-math.inf, math.inf))
+            limits = model.coefficient_limits.get(model.index[p.name], NO_LIMIT)
             limits = (p.low, math.inf) if "." in p.name else limits
             kept.append((p.name, p.prior.centre if p.prior else p.start, sd, *limits))
     names = tuple(name for name, *_ in kept)

@@ -410,7 +410,7 @@ def _judge(search: _Search, options: FitOptions, zero: bool, slow: int) -> tuple
     return "budget", (
         f"not converged after {search.rounds} rounds: a step promises {search.predicted:.3g} of "
         f"{search.cost:.3g}; fit pieces of the runs (--pieces SECONDS), free fewer "
-        "coefficients, begin from the vehicle file this fit writes, or leave out --quick where it was given"
+        "coefficients, or begin from the vehicle file this fit writes"
     )
 
 

@@ -42,10 +42,12 @@ NEGATIVE = {
         ),
         *("M_q", "M_q|q|", "M_q0", "N_r", "N_r|r|", "N_r0", "N_|v|r", "M_|w|q"),
     ),
+    "resistance ahead": ("X_0,U",),
     "drag of a deflected fin": ("X_drdr", "X_dsds", "X_dbdb"),
     "yaw moment of a stern rudder, positive to port": ("N_dr",),
     "pitch moment of a stern plane, positive to bow down": ("M_ds",),
 }
+POSITIVE = {"thrust deduction": ("t_P",), "wake fraction at the propeller": ("w_P0",)}
 #: rows that added mass alone would fix, apart from those that also hold lift and drag
 POTENTIAL_TOLERANCE = 0.25
 AREA_SHARE = "wind.area_coefficients"
@@ -145,17 +147,17 @@ def _inertia(vehicle: Vehicle) -> list[Finding]:
 
 
 def _signs(vehicle: Vehicle) -> list[Finding]:
-    return [
-        Finding(
-            "warning",
-            f"{name} = {vehicle.coef[name]:g} is positive; {meaning} should be negative",
-            (name,),
-            by_sign=True,
-        )
-        for meaning, names in NEGATIVE.items()
-        for name in names
-        if vehicle.coef.get(name, 0.0) > 0.0
-    ]
+    found = []
+    for rows, sign, has, wants in (
+        (NEGATIVE, -1, "positive", "negative"),
+        (POSITIVE, 1, "negative", "positive"),
+    ):
+        for meaning, names in rows.items():
+            for name in names:
+                if sign * (value := vehicle.coef.get(name, 0.0)) < 0.0:
+                    text = f"{name} = {value:g} is {has}; {meaning} should be {wants}"
+                    found.append(Finding("warning", text, (name,), by_sign=True))
+    return found
 
 
 def _propulsion(vehicle: Vehicle) -> list[Finding]:
@@ -260,7 +262,8 @@ def _potential_flow(vehicle: Vehicle) -> list[Finding]:
         text = f"added mass brings {', '.join(missing)}; the set leaves them at 0, so energy is not kept"
         found.append(Finding("note", text, tuple(missing)))
     if different:
-        text = f"{', '.join(different)} differ by more than 25 % from what added mass alone would give"
+        verb = "differs" if len(different) == 1 else "differ"
+        text = f"{', '.join(different)} {verb} by more than 25 % from what added mass alone would give"
         found.append(Finding("note", text, tuple(different)))
     return found
 
