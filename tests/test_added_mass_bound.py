@@ -1,6 +1,7 @@
 """No refit makes an added mass negative: one that is asked for becomes zero, and its evidence is cut."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.parameters import coefficient_prior, coefficient_set
+from bayesid.report.fit_first_screen import without_added_mass
 
 
 def fits(share):
@@ -61,3 +63,14 @@ def test_the_search_of_a_fit_ends_at_zero_added_mass_however_wide_its_bounds():
     assert entries["Y_v"].high > 0.0
     narrow = {p.name: p for p in coefficient_set(model, relative_bounds=0.3)}
     assert narrow["Y_vdot"].high == pytest.approx(0.7 * given)
+
+
+def test_an_added_mass_that_ended_at_zero_is_told_no_other_bound():
+    fit = SimpleNamespace(
+        names=("Y_vdot", "N_rdot", "X_udot", "Y_v", "wind.north"),
+        n_params=5,
+        at_bound=("Y_vdot", "X_udot", "Y_v"),
+        z=[-1e-12, -3.0, -12.0, 0.0, 0.0],
+        start=[-30.0, -3.0, -2.0, -1.0, 0.0],
+    )
+    assert without_added_mass(fit) == ["Y_vdot"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +50,7 @@ from bayesid.report.fit import (
     write_fit_report,
 )
 from bayesid.report.fit_effects import effect_words
-from bayesid.report.fit_first_screen import headline, moved
+from bayesid.report.fit_first_screen import NO_VALUE, headline, moved
 from bayesid.report.fit_form import form_rows_of
 from bayesid.report.fit_held import actuator_words, freeing_words
 from bayesid.report.prediction_error import (
@@ -234,7 +235,9 @@ class FitResult(Result):
         rows: list[list[Any]] = []
         for i, name in enumerate(result.names[: result.n_params]):
             bound = "on a bound" if name in result.at_bound else self._remark(i)
-            relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
+            size = abs(result.z[i])
+            told = size > NO_VALUE * abs(result.start[i])
+            relative = 100 * result.sd[i] / size if told else math.nan
             start = coefficient_cells.prime(vehicle, name, result.start[i])
             cells = coefficient_cells.cells(vehicle, name, result.z[i])
             cells[2] = cells[2] or self.found.model.parameter_unit(name)

@@ -14,7 +14,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
-from bayesid.model.terms import TERMS
+from bayesid.model.terms import ADDED_MASSES
 from bayesid.places import NOWHERE, Places
 from bayesid.words import and_list, digits, first_few
 
@@ -162,7 +162,7 @@ def negative_added_mass(result: Result) -> list[str]:
         if not retuned and not explanation(result):
             continue
         told = []
-        for name in (t.name for t in TERMS if t.is_added_mass):
+        for name in ADDED_MASSES:
             if (m := result.moved.get(name)) is None or m.given >= 0.0:
                 continue
             value, sd = (m.retuned, m.retuned_sd) if retuned else (m.explained, m.explained_sd)

@@ -21,7 +21,7 @@ from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import CATALOGUE, Effect
 from bayesid.model.effects.named import named_effects
 from bayesid.model.propulsion import torque_curve
-from bayesid.model.terms import TERMS
+from bayesid.model.terms import ADDED_MASSES, TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
 from bayesid.model.vehicles.orders import missing_actuators
@@ -119,7 +119,7 @@ class Model:
     def coefficient_limits(self) -> dict[int, tuple[float, float]]:
         """Range in which a coefficient is that of a hull [SI], by position: an added mass is not negative,
         unless the file says so."""
-        added = (self.index[t.name] for t in TERMS if t.is_added_mass and t.name in self.index)
+        added = (self.index[name] for name in ADDED_MASSES if name in self.index)
         return {i: (-math.inf, 0.0) for i in added if self.nominal[i] < 0.0}
 
     @cached_property

@@ -12,7 +12,9 @@ import numpy as np
 from bayesid.diagnosis.failed_checks import MOST_RUNS, completed_far, out_of_reason
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run, whole_turns
+from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
+from bayesid.model.terms import ADDED_MASSES
 from bayesid.model.vehicles.check import check_vehicle
 from bayesid.report import run_picture
 from bayesid.report.fit_effects import effect_words
@@ -20,7 +22,7 @@ from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
-from bayesid.words import counted, digits, first_few
+from bayesid.words import and_list, counted, digits, first_few
 
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
@@ -29,6 +31,7 @@ MOVED = 2.0  # standard deviations
 LEAST_PERCENT = 0.01
 SIGN_TOLD = 2.0  # standard deviations from zero
 DEGREE = 180 / math.pi
+NO_VALUE = 1e-6  # of the value given: a coefficient that the search took to zero
 
 
 def shown_run(found: TrialFit) -> RunOutcome | None:
@@ -149,9 +152,25 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
         out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}.")
     if odd := unphysical(found):
         out.append(f"No real vehicle has these coefficients: {first_few(odd, MOST_RUNS, '; ')}.")
+    if none := without_added_mass(found.fit):
+        ended = f"{and_list(none)} ended at zero: no hull is without added mass"
+        out.append(
+            f"{ended}. Hold what is known of it (--fix {','.join(none)}), or say when orders acted "
+            "([corrections] late in trial.toml): those that change between two stamps of the log act before "
+            "they are logged, by half a step in the mean."
+        )
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
+
+
+def without_added_mass(fit: Fit) -> list[str]:
+    """Added masses that the search took to zero, where they end."""
+    return [
+        name
+        for i, name in enumerate(fit.names[: fit.n_params])
+        if name in fit.at_bound and abs(fit.z[i]) < NO_VALUE * abs(fit.start[i]) and name in ADDED_MASSES
+    ]
 
 
 def unphysical(found: TrialFit) -> list[str]:

@@ -14,9 +14,21 @@ from bayesid.model.terms.references import REFERENCES
 from bayesid.model.terms.row import Factor, Term, factors
 from bayesid.model.terms.table import TERMS
 
-__all__ = ["REFERENCES", "TERMS", "Factor", "Term", "alias", "canonical_name", "factors", "term"]
+__all__ = [
+    "ADDED_MASSES",
+    "REFERENCES",
+    "TERMS",
+    "Factor",
+    "Term",
+    "alias",
+    "canonical_name",
+    "factors",
+    "term",
+]
 
 _BY_NAME = {row.name: row for row in TERMS}
+#: minus the added mass or inertia along each axis itself
+ADDED_MASSES = tuple(row.name for row in TERMS if row.is_added_mass)
 
 
 def term(name: str) -> Term:
