@@ -31,34 +31,53 @@ def run_of(t, order):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.2, 0.33, -0.07])
-def test_an_order_read_earlier_is_its_mean_while_a_row_holds(delay):
-    """Against quadrature of the order as it is held, on stamps that are not even."""
+@pytest.mark.parametrize("scale", [1.0, 1.02])
+def test_an_order_read_earlier_is_held_as_before_and_readings_stay_where_they_were(delay, scale):
+    """As a function of time, on stamps that are not even; the clock of the log may run at another rate."""
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.1, 0.3, 40))
-    order = np.repeat(rng.normal(size=8), 5)
-    found = apply(Correction(late={"delta_r_cmd": delay}), run_of(t, order)).commands["delta_r_cmd"]
-    for k in range(3, 36):
-        s = np.linspace(t[k], t[k + 1], 20_001)[:-1] + delay
-        assert found[k] == pytest.approx(order[np.searchsorted(t, s, side="right") - 1].mean(), abs=1e-3)
+    order, n = np.repeat(rng.normal(size=8), 5), np.repeat(rng.normal(size=4), 10)
+    run = run_of(t, order)
+    run = replace(
+        run, data={"psi": rng.normal(size=40)}, commands=run.commands | {"n_cmd": n},
+        exogenous={"wind_speed": rng.normal(size=40)},
+    )  # fmt: skip
+    found = apply(Correction(late={"delta_r_cmd": delay}, time_scale=scale), run)
+    own = np.flatnonzero(np.isfinite(found.data["psi"]))
+    clock = t[0] + scale * (t - t[0])
+    assert found.t[own] == pytest.approx(clock) and np.array_equal(found.data["psi"][own], run.data["psi"])
+    assert np.array_equal(found.exogenous["wind_speed"][own], run.exogenous["wind_speed"])
+    assert np.isfinite(found.exogenous["wind_speed"]).all()
+    asked = np.linspace(clock[0], clock[-1] - 1e-3, 5001)
+    asked = asked[np.abs(asked[:, None] - np.append(found.t, clock)).min(axis=1) > 1e-4]  # beside a switch
+    for name, values, late in (("delta_r_cmd", order, scale * delay), ("n_cmd", n, 0.0)):
+        there = found.commands[name][np.searchsorted(found.t, asked, side="right") - 1]
+        at = np.clip(np.searchsorted(clock, asked + late, side="right") - 1, 0, 39)
+        assert np.array_equal(there, values[at])
+    # a row more for each switch between two rows, and for nothing else
+    assert found.t.size - 40 <= 7 and (found.t.size == 40) == (delay == 0.0)
 
 
 def test_an_order_read_whole_steps_earlier_keeps_its_numbers():
     t, order = 0.2 * np.arange(30), np.repeat([0.1, -0.2, 0.3], 10)
-    found = apply(Correction(late={"delta_r_cmd": 0.4}), run_of(t, order)).commands["delta_r_cmd"]
-    assert np.array_equal(found, np.append(order[2:], [0.3, 0.3]))
+    found = apply(Correction(late={"delta_r_cmd": 0.4}), run_of(t, order))
+    assert np.array_equal(found.commands["delta_r_cmd"], np.append(order[2:], [0.3, 0.3]))
+    assert np.array_equal(found.t, t)
 
 
-def test_orders_between_stamps_switch_halfway_and_the_trial_says_how_to_keep_it():
-    """A switch logged at 2 s acts from 1.9 s on: half of the row before."""
+def test_orders_between_stamps_switch_when_they_act_and_the_trial_says_how_to_keep_it():
+    """A switch logged at 2 s acts from 1.93 s on."""
     t, order = 0.2 * np.arange(30), np.where(np.arange(30) < 10, 0.1, -0.1)
     trial = Trial("a", Path("."), "remus100", 3, (run_of(t, order),), {})
     assert step_of(trial) == pytest.approx(0.2)
-    earlier, text = between_stamps(trial, step_of(trial))
-    found = earlier.runs[0].commands["delta_r_cmd"]
-    assert found[9] == pytest.approx(0.0, abs=1e-9)
-    assert np.array_equal(np.delete(found, 9), np.delete(order, 9))  # to the bit: no other row is a switch
+    earlier, text = between_stamps(trial, step_of(trial), 0.07)
+    found = earlier.runs[0]
+    assert found.t[10] == pytest.approx(1.93) and np.array_equal(np.delete(found.t, 10), t)
+    assert np.array_equal(found.commands["delta_r_cmd"], np.where(found.t < 1.92, 0.1, -0.1))
     assert same_readings(trial, earlier)
-    assert "late = { delta_r_cmd = 0.1 }" in text
+    assert "late = { delta_r_cmd = 0.07 }" in text
+    whole, text = between_stamps(trial, step_of(trial), 0.9)  # more is no matter of stamps
+    assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].t.size == 30
 
 
 def explained(*rows, none=0.0):
@@ -80,16 +99,18 @@ def explained(*rows, none=0.0):
 @pytest.mark.parametrize(
     ("effects", "evidence", "delay", "sd", "told"),
     [
-        (("actuator_dead_time",), 300.0, -0.12, 0.01, True),
-        (("wind", "actuator_dead_time"), 300.0, -0.12, 0.01, True),
-        (("actuator_dead_time",), 300.0, 0.12, 0.01, False),  # later, as a servo does
-        (("actuator_dead_time",), 300.0, -0.12, 0.1, False),  # not clearly
-        (("actuator_dead_time",), 10.0, -0.12, 0.01, False),  # no better than none
-        (("wind",), 300.0, 0.0, 0.0, False),
+        (("actuator_dead_time",), 300.0, -0.12, 0.01, 0.12),
+        (("wind", "actuator_dead_time"), 300.0, -0.12, 0.01, 0.12),
+        (("actuator_dead_time",), 300.0, 0.12, 0.01, 0.0),  # later, as a servo does
+        (("actuator_dead_time",), 300.0, -0.12, 0.1, 0.0),  # not clearly
+        (("actuator_dead_time",), 10.0, -0.12, 0.01, 0.0),  # no better than none
+        (("wind",), 300.0, 0.0, 0.0, 0.0),
     ],
 )
 def test_an_order_that_acts_before_it_is_logged_is_asked_about(effects, evidence, delay, sd, told):
-    assert acts_before_its_stamp(explained((effects, evidence, delay, sd))) == told
+    assert acts_before_its_stamp(explained((effects, evidence, delay, sd))) == pytest.approx(told)
+    better_one = (("wind", "actuator_dead_time"), 400.0, -0.2, 0.01)
+    assert acts_before_its_stamp(explained((effects, evidence, delay, sd), better_one)) == pytest.approx(0.2)
 
 
 def test_orders_are_read_earlier_only_where_that_explains_more():
@@ -138,6 +159,7 @@ def test_an_unknown_order_and_a_wrapped_direction_are_read_as_they_are_held():
     order, way = np.repeat([np.nan, 0.2, 0.4], 4), np.repeat([3.1, -3.1, -3.0], 4)
     run = replace(run_of(t, order), commands={"delta_r_cmd": order, "azimuth_port_cmd": way})
     found = apply(late, run).commands
-    assert np.isnan(found["delta_r_cmd"][:4]).all() and found["delta_r_cmd"][7] == pytest.approx(0.3)
-    assert found["azimuth_port_cmd"][3] == 3.1  # not halfway round by way of nought
-    assert found["azimuth_port_cmd"][7] == pytest.approx(-3.05)
+    known = np.isfinite(found["delta_r_cmd"])  # unknown until 0.7 s, 0.4 rad from 1.5 s on
+    assert np.array_equal(found["delta_r_cmd"][known], [0.2] * 5 + [0.4] * 5) and known.size == 14
+    assert not known[:4].any()
+    assert set(found["azimuth_port_cmd"]) == {3.1, -3.1, -3.0}  # not halfway round by way of nought

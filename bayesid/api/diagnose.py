@@ -141,22 +141,24 @@ def diagnose(
     def or_between_stamps(
         found: Diagnosis, of: Trial, right: Trial, run_on: Callable[[Trial], Diagnosis]
     ) -> Diagnosis:
-        """The diagnosis, or one of orders half a step earlier where that explains more."""
-        if resample or (step := step_of(right)) is None:
+        """The diagnosis, or one of orders as much earlier as one acts where that explains more."""
+        early = acts_before_its_stamp(found)
+        if not early or resample or (step := step_of(right)) is None:
             return found
-        earlier, text = between_stamps(right, step)
+        earlier, text = between_stamps(right, step, early)
         try:
             read = used(earlier)
             if not same_readings(of, read):
                 return found
-            shown.note(f"an order acts before it is logged; once more with orders {0.5 * step:.3g} s earlier")
+            sooner = min(early, step)
+            shown.note(f"an order acts before it is logged; once more with orders {sooner:.3g} s earlier")
             again = run_on(replace(read, warnings=(*of.warnings, text)))
         except BayesidError as error:
-            shown.note(f"orders half a step earlier could not be tried ({error})")
+            shown.note(f"earlier orders could not be tried ({error})")
             return found
         if better(found, again):
             return again
-        shown.note("orders stay as logged: half a step earlier they explain no more")
+        shown.note("orders stay as logged: earlier they explain no more")
         return found
 
     def diagnosis(of: Trial, checked: InputCheck, right: Trial | None = None) -> DiagnoseResult:
@@ -171,7 +173,7 @@ def diagnose(
         )  # fmt: skip
         with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
             found = run_on(of)
-            if right is not None and acts_before_its_stamp(found):
+            if right is not None:
                 found = or_between_stamps(found, of, right, run_on)
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")

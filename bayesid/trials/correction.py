@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
-from bayesid.trials.held_orders import integral_of_held
+from bayesid.trials.held_orders import ordered_earlier
 from bayesid.trials.kinematics.blocks import joined
 from bayesid.trials.left_out import LeftOut, read_left_out
 from bayesid.trials.trial import Floats, Run
@@ -149,9 +149,8 @@ def apply(correction: Correction, run: Run) -> Run:
             since = correction.from_time.get(name, -math.inf)
             series[name] = np.where(run.t >= since, series[name] + value, series[name])
     for name, delay in correction.late.items():
-        if name in series:
-            kind, angle = channel(name).kind, channel(name).unit == "rad"
-            series[name] = _earlier(run.t, series[name], delay, kind, angle)
+        if name in series and channel(name).kind != "command":
+            series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
     t, began, known_from = run.t, run.began, _known_from(correction, run)
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
@@ -165,7 +164,8 @@ def apply(correction: Correction, run: Run) -> Run:
         groups[_GROUP[channel(name).kind]][name] = values
     note = "corrected: " + "; ".join(correction.lines())
     provenance = (*run.provenance, note)
-    return replace(run, t=t, began=began, known_from=known_from, provenance=provenance, **groups)
+    done = replace(run, t=t, began=began, known_from=known_from, provenance=provenance, **groups)
+    return ordered_earlier(done, {n: late * correction.time_scale for n, late in correction.late.items()})
 
 
 def _known_from(correction: Correction, run: Run) -> dict[str, float]:
@@ -304,14 +304,9 @@ def _unwrapped(angle: Floats) -> Floats:
     return out
 
 
-def _earlier(t: Floats, values: Floats, delay: float, kind: str, angle: bool = False) -> Floats:
-    """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs.
-
-    An order that switches while a row holds is its mean over that time.
-    """
+def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
+    """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs."""
     at = t + delay
-    if kind == "command":
-        return _mean_order(t, values, at, angle)
     good = np.isfinite(values)
     if good.sum() < 2:
         return values
@@ -319,31 +314,6 @@ def _earlier(t: Floats, values: Floats, delay: float, kind: str, angle: bool = F
     if kind in ("pose", "velocity", "propulsion"):
         holes = np.interp(at, t, (~good).astype(float)) > 0.5 if not good.all() else np.zeros(t.shape, bool)
         out = np.where(holes | (at < t[0]) | (at > t[-1]), np.nan, out)
-    return out
-
-
-def _mean_order(t: Floats, values: Floats, at: Floats, angle: bool) -> Floats:
-    """Means of an order from each of the times `at` to the next; as held where it is unknown or turns by more
-    than half a circle, as a thruster's direction that is logged wrapped.
-    """
-    hold = np.diff(t)
-    end = at + np.append(hold, hold[-1] if hold.size else 0.0)
-    least = 1e-6 * float(hold.min()) if hold.size else 0.0  # what is left of a row by rounding is none of it
-    first, last = (
-        np.clip(np.searchsorted(t, s, side=side) - 1, 0, t.size - 1)  # type: ignore[call-overload]
-        for s, side in ((at + least, "right"), (end - least, "left"))
-    )
-    out = values[first].copy()
-    step = np.diff(values)
-    known = np.isfinite(values)
-    # an order that is held keeps its number to the last bit: it is no switch
-    switched = (step != 0.0) & (np.abs(step) < math.pi if angle else True)
-    counted, unknown = (np.append(0, np.cumsum(x)) for x in (switched, ~known[1:]))
-    turned = np.append(0, np.cumsum((step != 0.0) & ~switched))
-    mixed = (counted[last] > counted[first]) & (unknown[last] == unknown[first]) & known[first]
-    mixed &= turned[last] == turned[first]
-    since, upto = (integral_of_held(t, np.where(known, values, 0.0), s[mixed]) for s in (at, end))
-    out[mixed] = (upto - since) / (end - at)[mixed]
     return out
 
 

@@ -1,11 +1,12 @@
-"""Orders that change between two stamps of the log: found by a diagnosis, and read half a step earlier.
+"""Orders that change between two stamps of the log: found by a diagnosis, and read as much earlier.
 
 Takes trials and a diagnosis. Gives trials and words. Fits nothing.
 
 A logger writes the order that stands when it writes. One that changed since the stamp before has acted for up
-to a step by then, half a step in the mean; read as if it changed at its stamp, the vehicle answers before it
-is told to. On an AUV logged at 5 Hz that is 1200 nats for a rudder that acts 0.13 s too early, and fits that
-make the inertia negative to follow.
+to a step by then; read as if it changed at its stamp, the vehicle answers before it is told to. On an AUV
+logged at 5 Hz that is 1200 nats for a rudder that acts 0.13 s too early, and fits that make the inertia
+negative to follow. In the mean it is half a step where orders change at any time, less where they change at
+steps of their own.
 """
 
 from __future__ import annotations
@@ -37,25 +38,30 @@ def step_of(logged: Trial) -> float | None:
     return steps[0] if even else None
 
 
-def acts_before_its_stamp(found: Diagnosis) -> bool:
-    """Whether an order acts clearly before it is logged, in an explanation that is better than none by more
-    than refits scatter."""
+def acts_before_its_stamp(found: Diagnosis) -> float:
+    """Time [s] by which an order acts before it is logged, in the best explanation in which it clearly does
+    and that is better than none by more than refits scatter; 0 where there is none."""
     candidates, effects = found.candidates, found.model.effects
-    least = candidates.none.log_evidence + LINEARISATION_SCATTER
+    least, early = candidates.none.log_evidence + LINEARISATION_SCATTER, 0.0
     for c in candidates.refits:
         fit = c.fit
-        latest = dict(zip(fit.free.names, fit.values + TWO_SIDED_95 * fit.sd, strict=True))
+        told = dict(zip(fit.free.names, zip(fit.values, fit.sd, strict=True), strict=True))
         for effect in (effects[n] for n in c.effects if n in effects):
-            delays = [stage.delay for stage in effect.stages if stage.delay is not None]
-            if c.log_evidence > least and any(latest.get(effect.key(d), 0.0) < 0.0 for d in delays):
-                return True
-    return False
+            delays = [effect.key(stage.delay) for stage in effect.stages if stage.delay is not None]
+            clear = [
+                -told[d][0] for d in delays if d in told and told[d][0] + TWO_SIDED_95 * told[d][1] < 0.0
+            ]
+            if clear and c.log_evidence > least:
+                least, early = c.log_evidence, max(clear)
+    return float(early)
 
 
-def between_stamps(logged: Trial, step: float) -> tuple[Trial, str]:
-    """The log with all orders half a step earlier, and the line for `trial.toml` that says so."""
+def between_stamps(logged: Trial, step: float, early: float) -> tuple[Trial, str]:
+    """The log with all orders earlier by as much as one acts, at most a step, and the line for `trial.toml`
+    that says so."""
     names = sorted({name for run in logged.runs for name in run.commands})
-    late = Correction(late=dict.fromkeys(names, float(f"{0.5 * step:.3g}")))
+    sooner = float(f"{min(early, step):.3g}")
+    late = Correction(late=dict.fromkeys(names, sooner))
     runs = tuple(
         apply(replace(late, late={n: s for n, s in late.late.items() if n in run.commands}), run)
         for run in logged.runs
@@ -63,8 +69,8 @@ def between_stamps(logged: Trial, step: float) -> tuple[Trial, str]:
     lines = "; ".join(late.lines())
     text = (
         f"the vehicle answers before its orders are logged: they change between stamps, {step:.3g} s apart, "
-        f"and are read half of that earlier ([corrections] {lines} in trial.toml says so for "
-        "good, to predictions as well)"
+        f"and are read {sooner:g} s earlier ([corrections] {lines} in trial.toml says so for good, to "
+        "predictions as well)"
     )
     return replace(logged, runs=runs), text
 
