@@ -9,6 +9,7 @@ import pytest
 
 import bayesid
 from bayesid.api.simulate import simulate_model
+from bayesid.diagnosis.input import order_stamps
 from bayesid.diagnosis.input.order_stamps import (
     acts_before_its_stamp,
     better,
@@ -16,6 +17,7 @@ from bayesid.diagnosis.input.order_stamps import (
     same_readings,
     step_of,
 )
+from bayesid.diagnosis.run import diagnose as diagnose_trial
 from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle
@@ -80,8 +82,8 @@ def test_orders_between_stamps_switch_when_they_act_and_the_trial_says_how_to_ke
     assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].t.size == 30
 
 
-def explained(*rows, none=0.0):
-    """A comparison of refits of (effects, log evidence, delay, its sd)."""
+def explained(*rows, none=0.0, named=()):
+    """A comparison of refits of (effects, log evidence, delay, its sd), of which some are named."""
 
     def refit(effects, evidence, delay, sd):
         free = Plain(names=(DELAY,) if "actuator_dead_time" in effects else ())
@@ -93,7 +95,7 @@ def explained(*rows, none=0.0):
 
     refits = tuple(refit(*row) for row in rows)
     candidates = Plain(none=Plain(log_evidence=none), refits=refits)
-    return Plain(candidates=candidates, model=Plain(effects=EFFECTS))
+    return Plain(candidates=candidates, model=Plain(effects=EFFECTS), verdict=Plain(effects=named))
 
 
 @pytest.mark.parametrize(
@@ -107,7 +109,10 @@ def explained(*rows, none=0.0):
         (("wind",), 300.0, 0.0, 0.0, 0.0),
     ],
 )
-def test_an_order_that_acts_before_it_is_logged_is_asked_about(effects, evidence, delay, sd, told):
+def test_an_order_that_acts_before_it_is_logged_is_asked_about(
+    monkeypatch, effects, evidence, delay, sd, told
+):
+    monkeypatch.setattr(order_stamps, "_beside_the_best", lambda found: 0.0)
     assert acts_before_its_stamp(explained((effects, evidence, delay, sd))) == pytest.approx(told)
     better_one = (("wind", "actuator_dead_time"), 400.0, -0.2, 0.01)
     assert acts_before_its_stamp(explained((effects, evidence, delay, sd), better_one)) == pytest.approx(0.2)
@@ -117,6 +122,21 @@ def test_orders_are_read_earlier_only_where_that_explains_more():
     one = explained((("wind",), 300.0, 0.0, 0.0))
     assert better(one, explained(none=400.0))
     assert not better(one, explained((("wind",), 310.0, 0.0, 0.0), none=290.0))
+    # or about as much by fewer effects
+    two = explained((("wind", "actuator_lag"), 300.0, 0.0, 0.0), named=("wind", "actuator_lag"))
+    assert better(two, explained((("wind",), 290.0, 0.0, 0.0), named=("wind",)))
+    assert not better(two, explained((("wind",), 270.0, 0.0, 0.0), named=("wind",)))
+
+
+@pytest.mark.thorough
+def test_a_lag_is_found_to_be_orders_between_stamps_and_a_true_lag_is_not():
+    """Orders of an autopilot that change every 0.2 s and are logged every 0.8 s; in the control the servo lags
+    and orders change at the stamps."""
+    for step, tau in ((0.2, 0.0), (0.8, 0.5)):
+        trial, model = logged_every(step, 0.8, effects={"actuator_lag.tau": tau})
+        found = diagnose_trial(trial, model, plan_next=False)
+        early = order_stamps._beside_the_best(found)
+        assert (0.1 < early < 0.6) if not tau else early == 0.0
 
 
 def logged_every(step, dt, seed=3):

@@ -1,6 +1,6 @@
 """Orders that change between two stamps of the log: found by a diagnosis, and read as much earlier.
 
-Takes trials and a diagnosis. Gives trials and words. Fits nothing.
+Takes trials and a diagnosis. Gives trials and words. Fits two hypotheses beside the best of the diagnosis.
 
 A logger writes the order that stands when it writes. One that changed since the stamp before has acted for up
 to a step by then; read as if it changed at its stamp, the vehicle answers before it is told to. On an AUV
@@ -11,13 +11,21 @@ steps of their own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bayesid.diagnosis.data.problem import FOLLOWING_FORCE_LEVEL, DiagnosisProblem, fit_with
+from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.hypotheses.probabilities import TWO_SIDED_95
 from bayesid.diagnosis.threshold_table import LINEARISATION_SCATTER
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.estimation.filter_error.linearise import Trajectory
+from bayesid.model.effects import Effect
 from bayesid.trials import Trial
 from bayesid.trials.correction import Correction, apply
 
@@ -53,7 +61,39 @@ def acts_before_its_stamp(found: Diagnosis) -> float:
             ]
             if clear and c.log_evidence > least:
                 least, early = c.log_evidence, max(clear)
-    return float(early)
+    return float(early) or _beside_the_best(found)
+
+
+def _beside_the_best(found: Diagnosis) -> float:
+    """The same of the best explanation, what has a rudder follow late or not at all taken out: a lag explains
+    much of what an order does that is known at the stamps only."""
+    problem, model, best = found.problem, found.model, simplest(found.candidates)
+    there = [model.effects[n] for n in best.effects if n in model.effects]
+    kept = tuple(e for e in there if e.smooth or e.port != "input")
+    names = {e.key(p.name) for e in kept for p in e.parameters}
+    fitted, par = best.fit, model.nominal.copy()
+    stays = [i for i, n in enumerate(fitted.free.names) if "." not in n or n in names]
+    par[fitted.free.where[stays]] = fitted.values[stays]
+    start = [replace(point, par=par) for point in fitted.points]
+    early = 0.0
+    with suppress(ModelError):
+        base = fitted if len(kept) == len(best.effects) else _near(problem, kept, start)
+        for effect in model.effects.values():
+            delays = [effect.key(stage.delay) for stage in effect.stages if stage.delay is not None]
+            if not delays or effect in kept:
+                continue
+            more = _near(problem, (*kept, effect), start)
+            at = more.free.names.index(delays[0])
+            clear = more.values[at] + TWO_SIDED_95 * more.sd[at] < 0.0
+            if clear and more.log_evidence > base.log_evidence + LINEARISATION_SCATTER:
+                early = max(early, -float(more.values[at]))
+    return early
+
+
+def _near(
+    problem: DiagnosisProblem, effects: tuple[Effect, ...], start: Sequence[Trajectory]
+) -> FilterErrorFit:
+    return fit_with(problem, effects, start=start, initial_noise_scale=FOLLOWING_FORCE_LEVEL)
 
 
 def between_stamps(logged: Trial, step: float, early: float) -> tuple[Trial, str]:
@@ -85,8 +125,10 @@ def same_readings(one: Trial, other: Trial) -> bool:
 
 
 def better(one: Diagnosis, other: Diagnosis) -> bool:
-    """Whether the best explanation of the second is better by more than refits scatter."""
+    """Whether the best explanation of the second is better by more than refits scatter, or no worse and the
+    second stands on fewer effects: that a log holds orders at its stamps only is nothing to explain."""
     before, after = (
         max(c.log_evidence for c in (d.candidates.none, *d.candidates.refits)) for d in (one, other)
     )
-    return after > before + LINEARISATION_SCATTER
+    fewer = len(other.verdict.effects) < len(one.verdict.effects)
+    return after > before + (-LINEARISATION_SCATTER if fewer else LINEARISATION_SCATTER)
