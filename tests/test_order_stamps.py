@@ -130,21 +130,21 @@ def test_orders_are_read_earlier_only_where_that_explains_more():
 
 @pytest.mark.thorough
 def test_a_lag_is_found_to_be_orders_between_stamps_and_a_true_lag_is_not():
-    """Orders of an autopilot that change every 0.2 s and are logged every 0.8 s; in the control the servo lags
+    """Orders of an autopilot that change every 0.2 s and are logged every 0.8 s; in the control a servo lags
     and orders change at the stamps."""
     for step, tau in ((0.2, 0.0), (0.8, 0.5)):
-        trial, model = logged_every(step, 0.8, effects={"actuator_lag.tau": tau})
+        trial, model = logged_every(step, 0.8, change={"actuator_lag.tau": tau} if tau else None)
         found = diagnose_trial(trial, model, plan_next=False)
         early = order_stamps._beside_the_best(found)
         assert (0.1 < early < 0.6) if not tau else early == 0.0
 
 
-def logged_every(step, dt, seed=3):
+def logged_every(step, dt, seed=3, change=None):
     """An AUV whose orders change every `step`, logged every `dt`: (trial, its model)."""
     model = build_model(load_vehicle("remus100"), 3)
     noise = {"x": 0.05, "y": 0.05, "psi": 0.003, "r": 0.002, "u": 0.004, "v": 0.004}
     runs = ("zigzag:13/13", "zigzag:10/10,rpm=1200", "turn:12", "prbs:12", "zigzag:12/12,rpm=1700")
-    trial = simulate_model(model, "remus100", runs, step, None, None, noise, seed)
+    trial = simulate_model(model, "remus100", runs, step, None, change, noise, seed)
     every = round(dt / step)
 
     def thinned(run):
