@@ -22,7 +22,10 @@ from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
+from bayesid.trials.condensing import condensed
 from bayesid.trials.correction import Correction, apply
+from bayesid.trials.health import check_run
+from bayesid.trials.held_orders import at_readings, ordered_earlier
 
 EFFECTS = {e.name: e for e in CATALOGUE}
 DELAY = "actuator_dead_time.delay"
@@ -82,50 +85,66 @@ def test_orders_between_stamps_switch_when_they_act_and_the_trial_says_how_to_ke
     assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].t.size == 30
 
 
-def explained(*rows, none=0.0, named=()):
-    """A comparison of refits of (effects, log evidence, delay, its sd), of which some are named."""
+def with_best(*effects, evidence=0.0, named=(), word="effect", none=0.0):
+    """A diagnosis whose best explanation is these effects."""
+    best = Plain(effects=effects, log_evidence=evidence)
+    candidates = Plain(none=Plain(effects=(), log_evidence=none), refits=(best,), best=best)
+    return Plain(candidates=candidates, verdict=Plain(effects=named, word=word))
 
-    def refit(effects, evidence, delay, sd):
-        free = Plain(names=(DELAY,) if "actuator_dead_time" in effects else ())
-        size = len(free.names)
+
+def near(monkeypatch, delay, sd, gain, converged=True):
+    """Fits beside the best explanation: of base evidence 100, and with a delay; gives what was asked for."""
+    asked = []
+
+    def fitted(problem, effects, start):
+        names = tuple(e.name for e in effects)
+        asked.append(names)
+        late = "actuator_dead_time" in names
+        free = Plain(names=("N_v", DELAY) if late else ("N_v",))
         return Plain(
-            effects=effects, log_evidence=evidence,
-            fit=Plain(free=free, values=np.full(size, delay), sd=np.full(size, sd)),
+            free=free, values=np.array([1.0, delay]), sd=np.array([0.1, sd]), converged=converged,
+            log_evidence=100.0 + (gain if late else 0.0),
         )  # fmt: skip
 
-    refits = tuple(refit(*row) for row in rows)
-    candidates = Plain(none=Plain(log_evidence=none), refits=refits)
-    return Plain(candidates=candidates, model=Plain(effects=EFFECTS), verdict=Plain(effects=named))
+    monkeypatch.setattr(order_stamps, "_near", fitted)
+    return asked
 
 
+@pytest.mark.parametrize("best", [("wind",), ("wind", "actuator_lag"), ("wind", "actuator_dead_time")])
 @pytest.mark.parametrize(
-    ("effects", "evidence", "delay", "sd", "told"),
+    ("delay", "sd", "gain", "told"),
     [
-        (("actuator_dead_time",), 300.0, -0.12, 0.01, 0.12),
-        (("wind", "actuator_dead_time"), 300.0, -0.12, 0.01, 0.12),
-        (("actuator_dead_time",), 300.0, 0.12, 0.01, 0.0),  # later, as a servo does
-        (("actuator_dead_time",), 300.0, -0.12, 0.1, 0.0),  # not clearly
-        (("actuator_dead_time",), 10.0, -0.12, 0.01, 0.0),  # no better than none
-        (("wind",), 300.0, 0.0, 0.0, 0.0),
+        (-0.12, 0.01, 60.0, 0.12),
+        (0.12, 0.01, 60.0, 0.0),  # later, as a servo does
+        (-0.12, 0.1, 60.0, 0.0),  # not clearly
+        (-0.12, 0.01, 10.0, 0.0),  # gains no more than refits scatter
     ],
 )
-def test_an_order_that_acts_before_it_is_logged_is_asked_about(
-    monkeypatch, effects, evidence, delay, sd, told
+def test_an_order_that_acts_before_it_is_logged_is_found_beside_the_best(
+    monkeypatch, best, delay, sd, gain, told
 ):
-    monkeypatch.setattr(order_stamps, "_beside_the_best", lambda found: 0.0)
-    assert acts_before_its_stamp(explained((effects, evidence, delay, sd))) == pytest.approx(told)
-    better_one = (("wind", "actuator_dead_time"), 400.0, -0.2, 0.01)
-    assert acts_before_its_stamp(explained((effects, evidence, delay, sd), better_one)) == pytest.approx(0.2)
+    monkeypatch.setattr(order_stamps, "simplest", lambda candidates: candidates.best)
+    found = with_best(*best)
+    free = Plain(names=("N_v",), where=np.array([0]))
+    found.candidates.best.fit = Plain(free=free, values=np.array([2.0]), points=[])
+    effects = {n: EFFECTS[n] for n in ("wind", "actuator_lag", "actuator_dead_time")}
+    found = Plain(**vars(found), problem=None, model=Plain(effects=effects, nominal=np.zeros(1)))
+    asked = near(monkeypatch, delay, sd, gain)
+    assert acts_before_its_stamp(found) == pytest.approx(told)
+    assert asked == [("wind",), ("wind", "actuator_dead_time")]  # no lag, and one dead time
+    near(monkeypatch, delay, sd, gain, converged=False)
+    assert acts_before_its_stamp(found) == 0.0
 
 
-def test_orders_are_read_earlier_only_where_that_explains_more():
-    one = explained((("wind",), 300.0, 0.0, 0.0))
-    assert better(one, explained(none=400.0))
-    assert not better(one, explained((("wind",), 310.0, 0.0, 0.0), none=290.0))
-    # or about as much by fewer effects
-    two = explained((("wind", "actuator_lag"), 300.0, 0.0, 0.0), named=("wind", "actuator_lag"))
-    assert better(two, explained((("wind",), 290.0, 0.0, 0.0), named=("wind",)))
-    assert not better(two, explained((("wind",), 270.0, 0.0, 0.0), named=("wind",)))
+def test_orders_are_read_earlier_only_where_that_explains_more_or_as_much_by_less():
+    one = with_best("wind", evidence=300.0)
+    assert better(one, with_best(none=400.0, evidence=-np.inf))
+    assert not better(one, with_best("wind", evidence=310.0))
+    two = with_best("wind", "actuator_lag", evidence=300.0)
+    assert better(two, with_best("wind", evidence=290.0))
+    assert not better(two, with_best("wind", evidence=270.0))
+    assert not better(two, with_best("wind", evidence=290.0, word="outside"))
+    assert not better(one, with_best("thrust_loss", evidence=290.0))  # as many
 
 
 @pytest.mark.thorough
@@ -135,7 +154,7 @@ def test_a_lag_is_found_to_be_orders_between_stamps_and_a_true_lag_is_not():
     for step, tau in ((0.2, 0.0), (0.8, 0.5)):
         trial, model = logged_every(step, 0.8, change={"actuator_lag.tau": tau} if tau else None)
         found = diagnose_trial(trial, model, plan_next=False)
-        early = order_stamps._beside_the_best(found)
+        early = acts_before_its_stamp(found)
         assert (0.1 < early < 0.6) if not tau else early == 0.0
 
 
@@ -183,3 +202,36 @@ def test_an_unknown_order_and_a_wrapped_direction_are_read_as_they_are_held():
     assert np.array_equal(found["delta_r_cmd"][known], [0.2] * 5 + [0.4] * 5) and known.size == 14
     assert not known[:4].any()
     assert set(found["azimuth_port_cmd"]) == {3.1, -3.1, -3.0}  # not halfway round by way of nought
+
+
+def test_a_log_that_says_when_orders_act_has_no_step():
+    t, order = 0.2 * np.arange(30), np.where(np.arange(30) < 10, 0.1, -0.1)
+    run = run_of(t, order)
+    for late, told in (({"psi": 0.05}, True), ({"delta_r_cmd": 0.05}, False), ({"delta_r_cmd": 0.2}, False)):
+        trial = Trial("a", Path("."), "remus100", 3, (apply(Correction(late=late), run),), {})
+        assert (step_of(trial) is not None) == told
+
+
+def test_rows_that_were_added_are_no_readings_for_checks_and_averages():
+    """Orders at their means over a row again, and every reading as it was."""
+    rng = np.random.default_rng(1)
+    t, order = 0.2 * np.arange(40), 0.1 * rng.normal(size=40)
+    run = replace(run_of(t, order), data={"psi": np.cumsum(0.01 * rng.normal(size=40))})
+    moved = apply(Correction(late={"delta_r_cmd": 0.07}), run)
+    assert moved.t.size > 70
+    back = at_readings(moved)
+    assert np.array_equal(back.t, t) and np.array_equal(back.data["psi"], run.data["psi"])
+    mean = (0.13 * order[:-1] + 0.07 * order[1:]) / 0.2
+    assert back.commands["delta_r_cmd"][:-1] == pytest.approx(mean)
+    assert check_run(moved) == check_run(run) and at_readings(run) is run
+    trial = Trial("a", Path("."), "remus100", 3, (moved,), {"psi": 0.01})
+    model = load_vehicle("remus100")
+    assert condensed(trial, model, 40) is trial  # as many readings as may be
+    dense = condensed(replace(trial, noise={"psi": 0.01}), model, 20)
+    assert all(np.isfinite(r.data["psi"]).any() and r.t.size <= 40 for r in dense.runs)
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.7e9])
+def test_whole_rows_earlier_add_none_on_any_clock(begin):
+    t, order = begin + 0.2 * np.arange(50), np.random.default_rng(2).normal(size=50)
+    assert ordered_earlier(run_of(t, order), {"delta_r_cmd": 0.2}).t.size == 50

@@ -142,17 +142,18 @@ def diagnose(
         found: Diagnosis, of: Trial, right: Trial, run_on: Callable[[Trial], Diagnosis]
     ) -> Diagnosis:
         """The diagnosis, or one of orders as much earlier as one acts where that explains more."""
-        early = acts_before_its_stamp(found)
-        if not early or resample or (step := step_of(right)) is None:
+        if resample or (step := step_of(right)) is None or not (early := acts_before_its_stamp(found)):
             return found
         earlier, text = between_stamps(right, step, early)
         try:
             read = used(earlier)
             if not same_readings(of, read):
+                shown.note("an order acts before it is logged; averages of earlier orders do not compare")
                 return found
             sooner = min(early, step)
             shown.note(f"an order acts before it is logged; once more with orders {sooner:.3g} s earlier")
-            again = run_on(replace(read, warnings=(*of.warnings, text)))
+            new = (w for w in read.warnings if w not in of.warnings)
+            again = run_on(replace(read, warnings=(*of.warnings, *new, text)))
         except BayesidError as error:
             shown.note(f"earlier orders could not be tried ({error})")
             return found

@@ -372,8 +372,9 @@ def _hypothesis(
     if not set(stated.names) & set(free.names):
         free, values = stated + free, np.concatenate([stated.mean, values])
         covariance = block_diag(np.diag(stated.sd**2), covariance)
-    high = np.full(len(free.names), np.inf)
-    return WeightedHypothesis(effects, weight, free.names, values, covariance, free.low, high, f.noise_model)
+    return WeightedHypothesis(
+        effects, weight, free.names, values, covariance, free.low, free.high, f.noise_model
+    )
 
 
 def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[FilterErrorFit, float]:

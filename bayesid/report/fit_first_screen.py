@@ -31,7 +31,7 @@ MOVED = 2.0  # standard deviations
 LEAST_PERCENT = 0.01
 SIGN_TOLD = 2.0  # standard deviations from zero
 DEGREE = 180 / math.pi
-NO_VALUE = 1e-6  # of the value given: a coefficient that the search took to zero
+NO_VALUE = 1e-3  # of the value given: a coefficient that the search took to zero
 
 
 def shown_run(found: TrialFit) -> RunOutcome | None:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from bayesid.errors import VehicleError
 from bayesid.model.vehicles import Vehicle, usual_speed
 from bayesid.trials.averaging import averaged
+from bayesid.trials.held_orders import at_readings
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
 from bayesid.trials.trial import Trial
@@ -37,8 +38,10 @@ def condensed(
         else a trial without any stated noise keeps its readings
     """
     speed = speed_known(vehicle)
-    if speed is None or sum(run.n_samples for run in trial.identify) <= most:
+    read = replace(trial, runs=tuple(at_readings(run) for run in trial.runs))
+    if speed is None or sum(run.n_samples for run in read.identify) <= most:
         return trial
+    trial = read
     believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
     known = with_noise_of_readings(believed, (vehicle.L, speed)) if as_seen else believed
     done = averaged(known, vehicle.L / speed, most)

@@ -10,7 +10,8 @@ import numpy as np
 
 from bayesid.trials.trial import Floats, Run
 
-SAME = 1e-6  # of the shortest row: times so near to each other are one
+ADDED = "samples without readings where orders switch between rows"
+SAME = 1e-6  # of a usual row: times so near to each other are one
 
 
 def integral_of_held(t: Floats, values: Floats, at: Floats) -> Floats:
@@ -39,7 +40,7 @@ def ordered_earlier(run: Run, delays: Mapping[str, float]) -> Run:
     late = {name: delay for name, delay in delays.items() if name in run.commands and delay}
     if not late or run.n_samples < 2:
         return run
-    near = SAME * float(np.diff(run.t).min())
+    near = max(SAME * float(np.median(np.diff(run.t))), 4.0 * float(np.spacing(np.abs(run.t).max())))
     new = np.concatenate([run.t[_switches(run.commands[n])] - delay for n, delay in late.items()])
     new = np.unique(new[(new > run.t[0] + near) & (new < run.t[-1] - near)])
     beside = np.clip(np.searchsorted(run.t, new), 1, run.n_samples - 1)
@@ -73,7 +74,31 @@ def ordered_earlier(run: Run, delays: Mapping[str, float]) -> Run:
         for group in ("measured_inputs", "exogenous")
     }
     groups["commands"] = {name: held(name, v) for name, v in run.commands.items()}
-    return replace(run, t=t, **groups)
+    provenance = (*run.provenance, ADDED) if new.size else run.provenance
+    return replace(run, t=t, provenance=provenance, **groups)
+
+
+def at_readings(run: Run) -> Run:
+    """The run without the samples that `ordered_earlier` added, orders at their means over what is left; the
+    same one where it added none."""
+    if ADDED not in run.provenance or not run.data:
+        return run
+    at = np.flatnonzero(np.any([np.isfinite(v) for v in run.data.values()], axis=0))
+    if at.size < 2:
+        return run
+    t = run.t[at]
+    groups: dict[str, Any] = {
+        group: {name: v[at] for name, v in getattr(run, group).items()} for group in Run.GROUPS
+    }
+    end = np.append(t[1:], run.t[-1] if run.t[-1] > t[-1] else t[-1] + 1.0)
+    for name, values in run.commands.items():
+        mean = (integral_of_held(run.t, values, end) - integral_of_held(run.t, values, t)) / (end - t)
+        first, last = at, np.searchsorted(run.t, end, side="left")
+        changes = np.append(0, np.cumsum(np.diff(values) != 0.0))
+        held = changes[np.maximum(last - 1, first)] == changes[first]  # to the last bit: no switch
+        groups["commands"][name] = np.where(held | ~np.isfinite(mean), values[at], mean)
+    provenance = tuple(text for text in run.provenance if text != ADDED)
+    return replace(run, t=t, provenance=provenance, **groups)
 
 
 def _switches(values: Floats) -> np.ndarray:

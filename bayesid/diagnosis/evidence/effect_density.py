@@ -176,7 +176,7 @@ def effect_density(
         names,
         chosen.size,
         np.concatenate([free.low[chosen], np.full(extra, -np.inf)]),
-        np.full(chosen.size + extra, np.inf),
+        np.concatenate([free.high[chosen], np.full(extra, np.inf)]),
         np.concatenate([middle, np.zeros(extra)]),
         np.concatenate([unit, np.full(extra, spread)]),
         np.ones(chosen.size + extra),
@@ -192,7 +192,11 @@ def effect_density(
         spread,
         np.concatenate([unit, np.ones(extra)]),
         np.concatenate([middle, np.zeros(extra)]),
-        -float(log_ndtr((middle - free.low[chosen]) / unit).sum()),
+        # of a parameter that ends on one side only
+        -float(
+            log_ndtr((middle - free.low[chosen]) / unit).sum()
+            + log_ndtr((free.high[chosen] - middle) / unit).sum()
+        ),
     )
     return density, _laplace(density, cov[np.ix_(chosen, chosen)], narrow)
 
@@ -207,8 +211,9 @@ def _laplace(density: EffectDensity, cov: Array, narrow: Array) -> Laplace:
     ends = np.array(list(density.noise_scale.reach.values())).reshape(extra, 2)
     whole[k:, k:] = np.diag((np.ptp(ends, axis=1) / 12.0) ** 2)
     low = (density.unknowns.low - density.offset) / density.scale
+    high = (density.unknowns.high - density.offset) / density.scale
     mode = np.concatenate([density.noise_scale.middle, density.noise_scale.best])
-    return Laplace(np.maximum(mode, low), whole, low, np.full(k + extra, np.inf))
+    return Laplace(np.clip(mode, low, high), whole, low, high)
 
 
 def _narrowed(

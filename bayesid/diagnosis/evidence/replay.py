@@ -327,9 +327,8 @@ def _draws(fitted: FilterErrorFit, rng: np.random.Generator) -> Array:
     deviations = rng.multivariate_normal(
         np.zeros(len(free.names)), fitted.posterior.covariance, size=BAND_DRAWS, method="eigh"
     )
-    high = np.full(len(free.names), np.inf)
     values = within_bounds(
-        fitted.values + free.sd * deviations, fitted.values, covariance, free.low, high, rng
+        fitted.values + free.sd * deviations, fitted.values, covariance, free.low, free.high, rng
     )
     out = np.repeat(fitted.par[None], BAND_DRAWS, axis=0)
     out[:, free.where] = values

@@ -27,7 +27,7 @@ from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
-from bayesid.trials.correction import Correction, apply
+from bayesid.trials.correction import CORRECTED, Correction, apply
 
 if TYPE_CHECKING:
     from bayesid.diagnosis.run import Diagnosis
@@ -38,7 +38,14 @@ UNEVEN, MOSTLY = 0.1, 0.9
 
 
 def step_of(logged: Trial) -> float | None:
-    """Time between two rows of the log [s]; None where runs differ, or rows of one."""
+    """Time between two rows of the log [s]; None where runs differ, or rows of one, or where it is said when
+    orders act."""
+    if any(
+        text.startswith(CORRECTED) and "late" in text and any(name in text for name in run.commands)
+        for run in logged.runs
+        for text in run.provenance
+    ):
+        return None
     steps = [float(np.median(np.diff(run.t))) for run in logged.identify]
     even = all(
         np.mean(np.abs(np.diff(run.t) - steps[0]) < UNEVEN * steps[0]) > MOSTLY for run in logged.identify
@@ -47,26 +54,12 @@ def step_of(logged: Trial) -> float | None:
 
 
 def acts_before_its_stamp(found: Diagnosis) -> float:
-    """Time [s] by which an order acts before it is logged, in the best explanation in which it clearly does
-    and that is better than none by more than refits scatter; 0 where there is none."""
-    candidates, effects = found.candidates, found.model.effects
-    least, early = candidates.none.log_evidence + LINEARISATION_SCATTER, 0.0
-    for c in candidates.refits:
-        fit = c.fit
-        told = dict(zip(fit.free.names, zip(fit.values, fit.sd, strict=True), strict=True))
-        for effect in (effects[n] for n in c.effects if n in effects):
-            delays = [effect.key(stage.delay) for stage in effect.stages if stage.delay is not None]
-            clear = [
-                -told[d][0] for d in delays if d in told and told[d][0] + TWO_SIDED_95 * told[d][1] < 0.0
-            ]
-            if clear and c.log_evidence > least:
-                least, early = c.log_evidence, max(clear)
-    return float(early) or _beside_the_best(found)
+    """Time [s] by which an order acts clearly before it is logged, beside the best explanation; 0 where none
+    does by more than refits scatter.
 
-
-def _beside_the_best(found: Diagnosis) -> float:
-    """The same of the best explanation, what has a rudder follow late or not at all taken out: a lag explains
-    much of what an order does that is known at the stamps only."""
+    What has a rudder follow late, or not at all, is taken out before: a lag explains much of what an order
+    does that is known at the stamps only.
+    """
     problem, model, best = found.problem, found.model, simplest(found.candidates)
     there = [model.effects[n] for n in best.effects if n in model.effects]
     kept = tuple(e for e in there if e.smooth or e.port != "input")
@@ -75,17 +68,20 @@ def _beside_the_best(found: Diagnosis) -> float:
     stays = [i for i, n in enumerate(fitted.free.names) if "." not in n or n in names]
     par[fitted.free.where[stays]] = fitted.values[stays]
     start = [replace(point, par=par) for point in fitted.points]
+    delayed = {
+        effect.key(stage.delay): effect
+        for effect in model.effects.values()
+        for stage in effect.stages
+        if stage.delay is not None and effect not in kept
+    }
     early = 0.0
     with suppress(ModelError):
-        base = fitted if len(kept) == len(best.effects) else _near(problem, kept, start)
-        for effect in model.effects.values():
-            delays = [effect.key(stage.delay) for stage in effect.stages if stage.delay is not None]
-            if not delays or effect in kept:
-                continue
+        base = _near(problem, kept, start)
+        for delay, effect in delayed.items() if base.converged else ():
             more = _near(problem, (*kept, effect), start)
-            at = more.free.names.index(delays[0])
+            at = more.free.names.index(delay)
             clear = more.values[at] + TWO_SIDED_95 * more.sd[at] < 0.0
-            if clear and more.log_evidence > base.log_evidence + LINEARISATION_SCATTER:
+            if clear and more.converged and more.log_evidence > base.log_evidence + LINEARISATION_SCATTER:
                 early = max(early, -float(more.values[at]))
     return early
 
@@ -125,10 +121,12 @@ def same_readings(one: Trial, other: Trial) -> bool:
 
 
 def better(one: Diagnosis, other: Diagnosis) -> bool:
-    """Whether the best explanation of the second is better by more than refits scatter, or no worse and the
-    second stands on fewer effects: that a log holds orders at its stamps only is nothing to explain."""
+    """Whether the best explanation of the second is better by more than refits scatter, or no worse than that
+    by fewer effects: that a log holds orders at its stamps only is nothing to explain. A second that calls
+    for something outside the list has to be better."""
     before, after = (
         max(c.log_evidence for c in (d.candidates.none, *d.candidates.refits)) for d in (one, other)
     )
-    fewer = len(other.verdict.effects) < len(one.verdict.effects)
-    return after > before + (-LINEARISATION_SCATTER if fewer else LINEARISATION_SCATTER)
+    fewer = len(simplest(other.candidates).effects) < len(simplest(one.candidates).effects)
+    tie = fewer and other.verdict.word != "outside"
+    return after > before + (-LINEARISATION_SCATTER if tie else LINEARISATION_SCATTER)
