@@ -38,10 +38,11 @@ def condensed(
         else a trial without any stated noise keeps its readings
     """
     speed = speed_known(vehicle)
-    read = replace(trial, runs=tuple(at_readings(run) for run in trial.runs))
-    if speed is None or sum(run.n_samples for run in read.identify) <= most:
+    runs = [at_readings(run) for run in trial.runs]
+    if speed is None or sum(run.n_samples for run in runs if run.role == "identify") <= most:
         return trial
-    trial = read
+    if any(run is not was for run, was in zip(runs, trial.runs, strict=True)):
+        trial = replace(trial, runs=tuple(runs))
     believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
     known = with_noise_of_readings(believed, (vehicle.L, speed)) if as_seen else believed
     done = averaged(known, vehicle.L / speed, most)
