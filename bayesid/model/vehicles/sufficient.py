@@ -70,5 +70,5 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
         key = "max_deg" if named else "dr_max_deg"
         say(f"no largest rudder angle: give {key} in {table}, else 35 deg is taken", "design")
     if not math.isfinite(rate):
-        say(f"no rudder rate: give rate_deg_s in {table}, else the rudder jumps", *COMMANDS[:3])
+        say(f"no rudder rate: give rate_deg_s in {table}, else the rudder jumps", "simulate", "diagnose")
     return found
