@@ -11,20 +11,16 @@ steps of their own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import FOLLOWING_FORCE_LEVEL, DiagnosisProblem, fit_with
 from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.hypotheses.probabilities import TWO_SIDED_95
+from bayesid.diagnosis.hypotheses.refit import refit
 from bayesid.diagnosis.threshold_table import LINEARISATION_SCATTER
-from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
-from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
 from bayesid.trials.correction import CORRECTED, Correction, apply
@@ -54,42 +50,56 @@ def step_of(logged: Trial) -> float | None:
 
 
 def acts_before_its_stamp(found: Diagnosis) -> float:
-    """Time [s] by which an order acts clearly before it is logged, beside the best explanation; 0 where none
-    does by more than refits scatter.
+    """Time [s] by which an order acts clearly before it is logged, in a refit that is better than none by more
+    than refits scatter, or else beside the best explanation; 0 where none does.
 
-    What has a rudder follow late, or not at all, is taken out before: a lag explains much of what an order
-    does that is known at the stamps only.
+    There what has a rudder follow late, or not at all, is taken out before: a lag explains much of what an
+    order does that is known at the stamps only.
     """
-    problem, model, best = found.problem, found.model, simplest(found.candidates)
-    there = [model.effects[n] for n in best.effects if n in model.effects]
+    return _in_refits(found) or _beside_the_best(found)
+
+
+def _in_refits(found: Diagnosis) -> float:
+    candidates, effects = found.candidates, found.model.effects
+    least, early = candidates.none.fit.log_evidence + LINEARISATION_SCATTER, 0.0
+    for c in candidates.refits:
+        told = dict(zip(c.fit.free.names, zip(c.fit.values, c.fit.sd, strict=True), strict=True))
+        for effect in (effects[n] for n in c.effects if n in effects):
+            delays = [told[key] for key in _delays(effect) if key in told]
+            clear = [-value for value, sd in delays if value + TWO_SIDED_95 * sd < 0.0]
+            if clear and c.fit.log_evidence > least:
+                least, early = c.fit.log_evidence, max(clear)
+    return float(early)
+
+
+def _delays(effect: Effect) -> list[str]:
+    """Parameters that are delays of orders."""
+    return [effect.key(stage.delay) for stage in effect.stages if stage.delay is not None]
+
+
+def _beside_the_best(found: Diagnosis) -> float:
+    effects = found.model.effects
+    there = [effects[n] for n in simplest(found.candidates).effects if n in effects]
     kept = tuple(e for e in there if e.smooth or e.port != "input")
-    names = {e.key(p.name) for e in kept for p in e.parameters}
-    fitted, par = best.fit, model.nominal.copy()
-    stays = [i for i, n in enumerate(fitted.free.names) if "." not in n or n in names]
-    par[fitted.free.where[stays]] = fitted.values[stays]
-    start = [replace(point, par=par) for point in fitted.points]
-    delayed = {
-        effect.key(stage.delay): effect
-        for effect in model.effects.values()
-        for stage in effect.stages
-        if stage.delay is not None and effect not in kept
-    }
-    early = 0.0
-    with suppress(ModelError):
-        base = _near(problem, kept, start)
-        for delay, effect in delayed.items() if base.converged else ():
-            more = _near(problem, (*kept, effect), start)
-            at = more.free.names.index(delay)
-            clear = more.values[at] + TWO_SIDED_95 * more.sd[at] < 0.0
-            if clear and more.converged and more.log_evidence > base.log_evidence + LINEARISATION_SCATTER:
-                early = max(early, -float(more.values[at]))
+    base, early = _fitted(found, kept), 0.0
+    for effect in effects.values() if base is not None else ():
+        delays = _delays(effect)
+        more = _fitted(found, (*kept, effect)) if delays and effect not in kept else None
+        if base is None or more is None or not more.converged:
+            continue
+        at = more.free.names.index(delays[0])
+        clear = more.values[at] + TWO_SIDED_95 * more.sd[at] < 0.0
+        if clear and more.log_evidence > base.log_evidence + LINEARISATION_SCATTER:
+            early = max(early, -float(more.values[at]))
     return early
 
 
-def _near(
-    problem: DiagnosisProblem, effects: tuple[Effect, ...], start: Sequence[Trajectory]
-) -> FilterErrorFit:
-    return fit_with(problem, effects, start=start, initial_noise_scale=FOLLOWING_FORCE_LEVEL)
+def _fitted(found: Diagnosis, effects: tuple[Effect, ...]) -> FilterErrorFit | None:
+    """The fit of some effects, made anew where the diagnosis has none; None where it cannot be made."""
+    names, candidates = {e.name for e in effects}, found.candidates
+    known = [c for c in (candidates.none, *candidates.refits) if set(c.effects) == names]
+    known = known or refit(found.problem, effects, lambda text: None)
+    return max((c.fit for c in known), key=lambda f: (f.converged, f.log_evidence), default=None)
 
 
 def between_stamps(logged: Trial, step: float, early: float) -> tuple[Trial, str]:
