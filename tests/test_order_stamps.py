@@ -146,12 +146,10 @@ def test_orders_are_read_earlier_only_where_that_explains_more_or_as_much_by_les
     assert not better(one, with_best("thrust_loss", evidence=290.0))  # as many
 
 
-@pytest.mark.parametrize(
-    ("delay", "sd", "gain", "told"), [(-0.12, 0.01, 60.0, 0.12), (-0.12, 0.01, 5.0, 0.0)]
-)
-def test_an_early_order_of_any_refit_counts_by_what_it_gains_whatever_range_it_is_of(monkeypatch, gain, told):
+@pytest.mark.parametrize(("gain", "told"), [(60.0, 0.12), (5.0, 0.0)])
+def test_an_early_order_of_a_refit_counts_by_what_it_gains_whatever_its_range(monkeypatch, gain, told):
     free = Plain(names=("N_v", DELAY))
-    fit = Plain(free=free, values=np.array([1.0, delay]), sd=np.array([0.1, sd]), log_evidence=100.0 + gain)
+    fit = Plain(free=free, values=np.array([1.0, -0.12]), sd=np.array([0.1, 0.01]), log_evidence=100.0 + gain)
     refits = (Plain(effects=("actuator_dead_time",), log_evidence=-300.0, fit=fit),)
     candidates = Plain(none=Plain(fit=Plain(log_evidence=100.0)), refits=refits)
     monkeypatch.setattr(order_stamps, "_beside_the_best", lambda found: 0.0)

@@ -50,8 +50,8 @@ def step_of(logged: Trial) -> float | None:
 
 
 def acts_before_its_stamp(found: Diagnosis) -> float:
-    """Time [s] by which an order acts clearly before it is logged, in a refit that is better than none by more
-    than refits scatter, or else beside the best explanation; 0 where none does.
+    """Time [s] by which an order acts clearly before it is logged, in a refit that is better than none by
+    more than refits scatter, or else beside the best explanation; 0 where none does.
 
     There what has a rudder follow late, or not at all, is taken out before: a lag explains much of what an
     order does that is known at the stamps only.
