@@ -31,6 +31,7 @@ from bayesid.diagnosis.input.order_stamps import (
     acts_before_its_stamp,
     better,
     between_stamps,
+    earlier_by,
     same_readings,
     step_of,
 )
@@ -150,8 +151,8 @@ def diagnose(
             if not same_readings(of, read):
                 shown.note("an order acts before it is logged; averages of earlier orders do not compare")
                 return found
-            sooner = min(early, step)
-            shown.note(f"an order acts before it is logged; once more with orders {sooner:.3g} s earlier")
+            sooner = f"{earlier_by(step, early):.3g}"
+            shown.note(f"an order acts before it is logged; once more with orders {sooner} s earlier")
             new = (w for w in read.warnings if w not in of.warnings)
             again = run_on(replace(read, warnings=(*of.warnings, *new, text)))
         except BayesidError as error:

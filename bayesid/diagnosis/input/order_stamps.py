@@ -11,6 +11,7 @@ steps of their own.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,8 @@ def step_of(logged: Trial) -> float | None:
 
 def acts_before_its_stamp(found: Diagnosis) -> float:
     """Time [s] by which an order acts clearly before it is logged, in a refit that is better than none by
-    more than refits scatter, or else beside the best explanation; 0 where none does.
+    more than refits scatter, or else beside the best explanation; 0 where none does, NaN where one does that
+    did not arrive, whose size is none.
 
     There what has a rudder follow late, or not at all, is taken out before: a lag explains much of what an
     order does that is known at the stamps only.
@@ -68,7 +70,7 @@ def _in_refits(found: Diagnosis) -> float:
             delays = [told[key] for key in _delays(effect) if key in told]
             clear = [-value for value, sd in delays if value + TWO_SIDED_95 * sd < 0.0]
             if clear and c.fit.log_evidence > least:
-                least, early = c.fit.log_evidence, max(clear)
+                least, early = c.fit.log_evidence, max(clear) if c.fit.converged else math.nan
     return float(early)
 
 
@@ -103,10 +105,10 @@ def _fitted(found: Diagnosis, effects: tuple[Effect, ...]) -> FilterErrorFit | N
 
 
 def between_stamps(logged: Trial, step: float, early: float) -> tuple[Trial, str]:
-    """The log with all orders earlier by as much as one acts, at most a step, and the line for `trial.toml`
-    that says so."""
+    """The log with all orders earlier by as much as one acts, at most a step, half a step where that is not
+    known (NaN), and the line for `trial.toml` that says so."""
     names = sorted({name for run in logged.runs for name in run.commands})
-    sooner = float(f"{min(early, step):.3g}")
+    sooner = float(f"{earlier_by(step, early):.3g}")
     late = Correction(late=dict.fromkeys(names, sooner))
     runs = tuple(
         apply(replace(late, late={n: s for n, s in late.late.items() if n in run.commands}), run)
@@ -119,6 +121,11 @@ def between_stamps(logged: Trial, step: float, early: float) -> tuple[Trial, str
         "predictions as well)"
     )
     return replace(logged, runs=runs), text
+
+
+def earlier_by(step: float, early: float) -> float:
+    """Time [s] by which orders are read earlier: as one acts, at most a step; half a step for NaN."""
+    return 0.5 * step if math.isnan(early) else min(early, step)
 
 
 def same_readings(one: Trial, other: Trial) -> bool:
