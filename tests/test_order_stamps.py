@@ -194,7 +194,8 @@ def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_d
         found = bayesid.diagnose(trial, "remus100", next_manoeuvre=False, keep_model=False)
         said = [text for text in found.found.result.warnings if "change between stamps" in text]
         assert bool(said) == told
-        assert found.verdict in ("none", "model_form")
+        # of orders that change eight times between stamps the log knows too little: no name, at least
+        assert found.verdict in (("none", "model_form", "ambiguous") if told else ("none", "model_form"))
 
 
 @pytest.mark.parametrize("steps", [(0.1, 1.0), (0.2, 0.2, 0.25)])
