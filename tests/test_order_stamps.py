@@ -1,6 +1,7 @@
 """Orders that change between two stamps of a log."""
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace as Plain
 
@@ -186,16 +187,32 @@ def logged_every(step, dt, seed=3, change=None):
     return replace(trial, runs=tuple(thinned(run) for run in trial.runs)), model
 
 
+@lru_cache
+def diagnosed(step):
+    """Nothing planted, 0.8 s between stamps of a vehicle of 1.33 m."""
+    trial, _ = logged_every(step, 0.8)
+    return bayesid.diagnose(trial, "remus100", next_manoeuvre=False, keep_model=False)
+
+
 @pytest.mark.thorough
-def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_do_not_is_not():
-    """0.8 s between stamps of a vehicle of 1.33 m; in the control every order changes at a stamp."""
-    for step, told in ((0.1, True), (0.8, False)):
-        trial, _ = logged_every(step, 0.8)
-        found = bayesid.diagnose(trial, "remus100", next_manoeuvre=False, keep_model=False)
-        said = [text for text in found.found.result.warnings if "change between stamps" in text]
-        assert bool(said) == told
-        # of orders that change eight times between stamps the log knows too little: no name, at least
-        assert found.verdict in (("none", "model_form", "ambiguous") if told else ("none", "model_form"))
+@pytest.mark.parametrize(("step", "told"), [(0.1, True), (0.8, False)])
+def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_do_not_is_not(step, told):
+    """In the control every order changes at a stamp."""
+    said = [text for text in diagnosed(step).found.result.warnings if "change between stamps" in text]
+    assert bool(said) == told
+
+
+KNOWN_WRONG = (
+    "orders that change eight times between stamps: a set of causes, none with orders at their means"
+)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "step", [pytest.param(0.1, marks=pytest.mark.xfail(strict=True, reason=KNOWN_WRONG)), 0.8]
+)
+def test_nothing_planted_is_no_cause_however_orders_are_logged(step):
+    assert diagnosed(step).verdict in ("none", "model_form")
 
 
 @pytest.mark.parametrize("steps", [(0.1, 1.0), (0.2, 0.2, 0.25)])
