@@ -21,6 +21,7 @@ from bayesid.estimation.trial_fit import _head_state, fit_trial, memory, outcome
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.params import ParameterSet
 from bayesid.model.vehicles import coef_si, load_vehicle
+from bayesid.prediction.draws import DivergingDraws
 from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
 from bayesid.report.fit_first_screen import unphysical
 from bayesid.simulation.virtual_trial import virtual_trial
@@ -236,7 +237,7 @@ def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
 @pytest.mark.thorough
 @pytest.mark.usefixtures("without_pictures")
 def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
-    names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
+    names = (*FREE, "Y_v|v|", "Y_v|r|", "Y_|r|dr")
     for free, fails in ((names, True), (FREE, False)):
         out = tmp_path / str(fails)
         fitted = fit(trial, free=free, out=out)
@@ -248,6 +249,17 @@ def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
             assert "do not determine" in predicted.report().failures[0]
             stored = json.loads((out / "next" / "predictions.json").read_text())
             assert stored["failed_checks"] == predicted.record()["failed_checks"]
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("without_pictures")
+def test_a_prediction_whose_draws_diverge_tells_the_failed_checks_of_its_fit(trial, tmp_path):
+    fitted = fit(trial, free=(*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr"), out=tmp_path)
+    with pytest.raises(
+        DivergingDraws, match=r"predict this run\. The fit this is drawn"
+    ) as error:
+        predict(trial, "turn:15", model=tmp_path, draws=20, out=tmp_path / "next")
+    assert fitted.record()["failed_checks"] and "do not determine 3 combinations" in str(error.value)
 
 
 def test_coefficients_found_far_from_those_stated_are_a_failed_check(found):

@@ -30,6 +30,7 @@ from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import REGISTRY
 from bayesid.measures import named_measures
 from bayesid.model.channels import channel
+from bayesid.prediction.draws import DivergingDraws
 from bayesid.prediction.intervals import (
     as_given,
     band_checks,
@@ -49,7 +50,7 @@ from bayesid.prediction.run_prediction import predict_run
 from bayesid.prediction.surroundings import surroundings
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
-from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks
+from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks, of_source
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, Text, literal
 from bayesid.report.writer.blocks import format_number
@@ -126,13 +127,20 @@ def predict(
     stage = f"predict {wanted[0] if len(wanted) == 1 else 'runs and manoeuvres'}"
     for text in shown.track(wanted, stage):
         run = _run(logged, text)
+        try:
+            if run is not None:
+                p = predict_run(found, run, draws, seed, lead, logged.runs.index(run))
+            else:
+                p = predict_manoeuvre(found, text, orders[text], draws, seed, speed)
+        except DivergingDraws as error:
+            raise DivergingDraws(
+                " ".join([f"{error}.", *of_source(found.verdict, found.failed_checks)])
+            ) from error
+        against = {}
         if run is not None:
-            p = predict_run(found, run, draws, seed, lead, logged.runs.index(run))
             against = beside_readings(p, run, seed)
             judged.append(against)
             drawn.append(shares_of_draws(p, run, seed))
-        else:
-            p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
         measures = told_measures(p, named_measures)
         others = {"given": as_given(p), "estimate": of_estimate(p), "mean": of_mean(p)}
         for key, other in ((key, other) for key, other in others.items() if other is not None):

@@ -49,7 +49,9 @@ def _anew(known: Sequence[Event], again: Sequence[Event]) -> tuple[Event, ...]:
     for event in again:
         if same := _matches(event, [e for e in known if e.brief]):
             whole = sum(e.evidence for e in again if _matches(e, same))
-            evidence = sum(e.evidence for e in same) * event.evidence / whole
+            evidence = sum(e.evidence for e in same) * (
+                event.evidence / whole
+            )  # one for one: to the last bit
             out.append(replace(event, evidence=evidence))
     return tuple(sorted(out, key=lambda e: (e.run, e.start)))
 

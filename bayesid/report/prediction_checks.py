@@ -5,7 +5,7 @@ Takes the trial and the plain numbers of a prediction. Does not simulate.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
@@ -63,11 +63,16 @@ def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
     return out
 
 
+def of_source(verdict: str, checks: Sequence[str]) -> list[str]:
+    """Checks that the fit or the diagnosis a prediction is drawn from failed, told as such."""
+    source = f"The {'fit' if verdict == 'fit' else 'diagnosis'} this is drawn from failed a check."
+    return [f"{source} {text}" for text in checks]
+
+
 def _of_model(numbers: Mapping[str, Any]) -> list[str]:
     """Checks the fit or the diagnosis failed, and that a diagnosis names no cause."""
     word = numbers["verdict"]
-    source = f"The {'fit' if word == 'fit' else 'diagnosis'} this is drawn from failed a check."
-    out = [f"{source} {text}" for text in numbers["model_failed_checks"]]
+    out = of_source(word, numbers["model_failed_checks"])
     unnamed = sum(h["weight"] for h in numbers["hypotheses"] if h["effects"])
     if word not in (*NAMING, "fit") and unnamed > MOST_UNNAMED:
         out.append(
