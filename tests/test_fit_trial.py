@@ -255,9 +255,7 @@ def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
 @pytest.mark.usefixtures("without_pictures")
 def test_a_prediction_whose_draws_diverge_tells_the_failed_checks_of_its_fit(trial, tmp_path):
     fitted = fit(trial, free=(*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr"), out=tmp_path)
-    with pytest.raises(
-        DivergingDraws, match=r"predict this run\. The fit this is drawn"
-    ) as error:
+    with pytest.raises(DivergingDraws, match=r"predict this run\. The fit this is drawn") as error:
         predict(trial, "turn:15", model=tmp_path, draws=20, out=tmp_path / "next")
     assert fitted.record()["failed_checks"] and "do not determine 3 combinations" in str(error.value)
 

@@ -20,13 +20,14 @@ from bayesid.diagnosis.input.order_stamps import (
 )
 from bayesid.diagnosis.run import diagnose as diagnose_trial
 from bayesid.equations.model import build_model
+from bayesid.errors import TrialError
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle
-from bayesid.trials import Run, Trial
-from bayesid.trials.condensing import condensed
+from bayesid.simulation import plan_trial_run, simulate
+from bayesid.simulation.actuation import mean_positions
+from bayesid.trials import Run, Trial, load_trial, write_trial
+from bayesid.trials.averaging import averaged
 from bayesid.trials.correction import Correction, apply
-from bayesid.trials.health import check_run
-from bayesid.trials.held_orders import at_readings, ordered_earlier
 
 EFFECTS = {e.name: e for e in CATALOGUE}
 DELAY = "actuator_dead_time.delay"
@@ -36,56 +37,125 @@ def run_of(t, order):
     return Run("r1", "zigzag 10/10", "identify", t, {"psi": np.zeros(t.size)}, {"delta_r_cmd": order})
 
 
+def switched(run, delay):
+    """The same by other means: rows without readings where an order switches `delay` before its row."""
+    t, order = run.t, run.commands["delta_r_cmd"]
+    new = t[1:][np.diff(order) != 0.0] - delay
+    rows = np.unique(np.concatenate([t, new[(new > t[0]) & (new < t[-1])]]))
+    own = np.searchsorted(rows, t)
+    data = {}
+    for name, values in run.data.items():
+        data[name] = np.full(rows.size, np.nan)
+        data[name][own] = values
+    at = np.clip(np.searchsorted(t, rows + delay + 1e-9, side="right") - 1, 0, t.size - 1)
+    commands = {n: v[np.searchsorted(t, rows, side="right") - 1] for n, v in run.commands.items()}
+    commands["delta_r_cmd"] = order[at]
+    return replace(run, t=rows, data=data, commands=commands), own
+
+
+@pytest.mark.parametrize("vehicle", ["remus100", "generic_sub"])
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.2, 0.33, -0.07])
-@pytest.mark.parametrize("scale", [1.0, 1.02])
-def test_an_order_read_earlier_is_held_as_before_and_readings_stay_where_they_were(delay, scale):
-    """As a function of time, on stamps that are not even; the clock of the log may run at another rate."""
+def test_an_order_that_acts_before_its_row_moves_the_vehicle_as_one_with_a_row_where_it_switches(
+    vehicle, delay
+):
+    """On stamps that are not even [L/U], with a servo that runs at its rate and with one that does not."""
     rng = np.random.default_rng(0)
-    t = np.cumsum(rng.uniform(0.1, 0.3, 40))
-    order, n = np.repeat(rng.normal(size=8), 5), np.repeat(rng.normal(size=4), 10)
-    run = run_of(t, order)
+    model = build_model(load_vehicle(vehicle), 3)
+    unit = model.scales["L"] / model.scales["U"]
+    t = unit * np.cumsum(rng.uniform(0.1, 0.3, 60))
+    order = np.repeat(rng.uniform(-0.3, 0.3, 12), 5)
     run = replace(
-        run, data={"psi": rng.normal(size=40)}, commands=run.commands | {"n_cmd": n},
-        exogenous={"wind_speed": rng.normal(size=40)},
+        run_of(t, order), commands={"delta_r_cmd": order, "n_cmd": np.full(60, model.vehicle.rpm_ref)}
+    )
+    found = apply(Correction(late={"delta_r_cmd": unit * delay}), run)
+    assert np.array_equal(found.t, t) and np.array_equal(found.commands["delta_r_cmd"], order)
+    other, own = switched(run, unit * delay)
+    start = np.zeros(len(model.states))
+    start[model.states.index("u")] = model.scales["U"]
+    psi = model.states.index("psi")
+    one, two = (
+        simulate(model, model.nominal, plan_trial_run(model, r), start).states[:, psi] for r in (found, other)
+    )
+    turned = np.ptp(one)
+    assert turned > 0.1 and np.abs(one - two[own]).max() < 4e-4 * turned
+    as_logged = simulate(model, model.nominal, plan_trial_run(model, run), start).states[:, psi]
+    assert (np.abs(as_logged - one).max() > 2e-3 * turned) == (delay != 0.0)
+
+
+def test_whole_rows_earlier_are_orders_a_row_up():
+    model = build_model(load_vehicle("remus100"), 3)
+    t, order = 0.2 * np.arange(40), np.repeat([0.1, -0.2, 0.3, 0.0], 10)
+    run = replace(run_of(t, order), commands={"delta_r_cmd": order, "n_cmd": np.full(40, 1500.0)})
+    up = replace(run, commands=run.commands | {"delta_r_cmd": np.append(order[2:], order[-2:])})
+    earlier = apply(Correction(late={"delta_r_cmd": 0.4}), run)
+    one, two = (mean_positions(model, model.nominal, plan_trial_run(model, r)) for r in (earlier, up))
+    rudder = model.kernel.actuators.index("delta_r")
+    assert one[:, rudder] == pytest.approx(two[:, rudder], abs=2e-4)
+    assert one[:, 1 - rudder] == pytest.approx(two[:, 1 - rudder], rel=1e-9)
+
+
+def test_how_much_earlier_orders_act_adds_up_and_goes_with_name_and_clock():
+    t = 0.2 * np.arange(12)
+    run = replace(run_of(t, np.zeros(12)), commands={"delta_r_cmd": np.zeros(12), "n_cmd": np.ones(12)})
+    once = apply(Correction(late={"delta_r_cmd": 0.1, "psi": 0.3}), run)
+    assert once.acts_before == {"delta_r_cmd": 0.1} and once.digest != run.digest
+    twice = apply(Correction(late={"delta_r_cmd": 0.05, "n_cmd": -0.1}, time_scale=2.0), once)
+    assert twice.acts_before == {"delta_r_cmd": pytest.approx(0.3), "n_cmd": pytest.approx(-0.2)}
+    assert apply(Correction(late={"delta_r_cmd": -0.1}), once).acts_before == {}
+    renamed = apply(Correction(rename={"delta_r_cmd": "delta_s_cmd"}), once)
+    assert renamed.acts_before == {"delta_s_cmd": 0.1}
+    assert apply(Correction(exchange=(("delta_r_cmd", "n_cmd"),)), once).acts_before == {"n_cmd": 0.1}
+    assert apply(Correction(drop=("delta_r_cmd",)), once).acts_before == {}
+
+
+@pytest.mark.parametrize("concerned", [(), ("r2",)])
+def test_a_bundle_that_is_written_says_how_early_its_orders_act(tmp_path, concerned):
+    t = 0.2 * np.arange(12)
+    runs = tuple(replace(run_of(t, np.linspace(0.0, 0.2, 12)), name=name) for name in ("r1", "r2"))
+    late = Correction(late={"delta_r_cmd": 0.07}, runs=concerned)
+    runs = tuple(replace(run, data=run.data | {"x": t, "y": 0.0 * t}) for run in runs)
+    trial = Trial("a", Path("."), "remus100", 3, tuple(apply(late, run) for run in runs), {"psi": 0.01})
+    write_trial(trial, tmp_path, schema=False)
+    back = load_trial(tmp_path)
+    assert [r.acts_before for r in back.runs] == [r.acts_before for r in trial.runs]
+    assert {bool(r.acts_before) for r in back.runs} == ({True} if not concerned else {False, True})
+    other = apply(Correction(late={"delta_r_cmd": 0.1}), runs[0])
+    with pytest.raises(TrialError, match="other times in other runs"):
+        write_trial(replace(trial, runs=(other, trial.runs[1])), tmp_path / "two")
+
+
+def test_averages_hold_an_order_at_its_means_from_when_it_acts():
+    """One that changes all the time; one that rests switches in its own row, as much earlier as before."""
+    rng = np.random.default_rng(1)
+    t, order = 0.1 * np.arange(400), np.cumsum(0.01 * rng.normal(size=400))
+    held = np.where(t < 17.3, 900.0, 1200.0)
+    run = replace(
+        run_of(t, order), data={"psi": np.cumsum(0.01 * rng.normal(size=400))},
+        commands={"delta_r_cmd": order, "n_cmd": held},
     )  # fmt: skip
-    found = apply(Correction(late={"delta_r_cmd": delay}, time_scale=scale), run)
-    own = np.flatnonzero(np.isfinite(found.data["psi"]))
-    clock = t[0] + scale * (t - t[0])
-    assert found.t[own] == pytest.approx(clock) and np.array_equal(found.data["psi"][own], run.data["psi"])
-    assert np.array_equal(found.exogenous["wind_speed"][own], run.exogenous["wind_speed"])
-    assert np.isfinite(found.exogenous["wind_speed"]).all()
-    asked = np.linspace(clock[0], clock[-1] - 1e-3, 5001)
-    asked = asked[np.abs(asked[:, None] - np.append(found.t, clock)).min(axis=1) > 1e-4]  # beside a switch
-    for name, values, late in (("delta_r_cmd", order, scale * delay), ("n_cmd", n, 0.0)):
-        there = found.commands[name][np.searchsorted(found.t, asked, side="right") - 1]
-        at = np.clip(np.searchsorted(clock, asked + late, side="right") - 1, 0, 39)
-        assert np.array_equal(there, values[at])
-    # a row more for each switch between two rows, and for nothing else
-    assert found.t.size - 40 <= 7 and (found.t.size == 40) == (delay == 0.0)
+    earlier = apply(Correction(late={"delta_r_cmd": 0.07, "n_cmd": 0.07}), run)
+    trial = Trial("a", Path("."), "remus100", 3, (earlier,), {"psi": 0.01})
+    (dense,) = averaged(trial, 4.0, 100).runs
+    assert dense.n_samples < 200 and dense.acts_before == {"n_cmd": 0.07}
+    fine = np.linspace(0.0, 40.0, 400001)[:-1]
+    acting = order[np.clip(np.floor((fine + 0.07) / 0.1 + 1e-9).astype(int), 0, 399)]
+    for k in range(3, dense.n_samples - 3):
+        between = (fine >= dense.t[k]) & (fine < dense.t[k + 1])
+        assert dense.commands["delta_r_cmd"][k] == pytest.approx(acting[between].mean(), abs=2e-5)
 
 
-def test_an_order_read_whole_steps_earlier_keeps_its_numbers():
-    t, order = 0.2 * np.arange(30), np.repeat([0.1, -0.2, 0.3], 10)
-    found = apply(Correction(late={"delta_r_cmd": 0.4}), run_of(t, order))
-    assert np.array_equal(found.commands["delta_r_cmd"], np.append(order[2:], [0.3, 0.3]))
-    assert np.array_equal(found.t, t)
-
-
-def test_orders_between_stamps_switch_when_they_act_and_the_trial_says_how_to_keep_it():
-    """A switch logged at 2 s acts from 1.93 s on."""
+def test_orders_between_stamps_act_earlier_and_the_trial_says_how_to_keep_it():
     t, order = 0.2 * np.arange(30), np.where(np.arange(30) < 10, 0.1, -0.1)
     trial = Trial("a", Path("."), "remus100", 3, (run_of(t, order),), {})
     assert step_of(trial) == pytest.approx(0.2)
     earlier, text = between_stamps(trial, step_of(trial), 0.07)
-    found = earlier.runs[0]
-    assert found.t[10] == pytest.approx(1.93) and np.array_equal(np.delete(found.t, 10), t)
-    assert np.array_equal(found.commands["delta_r_cmd"], np.where(found.t < 1.92, 0.1, -0.1))
+    assert earlier.runs[0].acts_before == {"delta_r_cmd": 0.07} and np.array_equal(earlier.runs[0].t, t)
     assert same_readings(trial, earlier)
     assert "late = { delta_r_cmd = 0.07 }" in text
     _, text = between_stamps(trial, step_of(trial), np.nan)  # a size of a fit that did not arrive
     assert "late = { delta_r_cmd = 0.1 }" in text
     whole, text = between_stamps(trial, step_of(trial), 0.9)  # more is no matter of stamps
-    assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].t.size == 30
+    assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].acts_before == {"delta_r_cmd": 0.2}
 
 
 def with_best(*effects, evidence=0.0, named=(), word="effect", none=0.0):
@@ -202,15 +272,8 @@ def test_a_log_whose_orders_change_between_its_stamps_is_read_so_and_one_whose_d
     assert bool(said) == told
 
 
-KNOWN_WRONG = (
-    "orders that change eight times between stamps: a set of causes, none with orders at their means"
-)
-
-
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    "step", [pytest.param(0.1, marks=pytest.mark.xfail(strict=True, reason=KNOWN_WRONG)), 0.8]
-)
+@pytest.mark.parametrize("step", [0.1, 0.8])
 def test_nothing_planted_is_no_cause_however_orders_are_logged(step):
     assert diagnosed(step).verdict in ("none", "model_form")
 
@@ -223,46 +286,9 @@ def test_runs_logged_at_different_rates_have_no_half_step(steps):
     assert step_of(Trial("a", Path("."), "remus100", 3, runs, {})) is None
 
 
-def test_an_unknown_order_and_a_wrapped_direction_are_read_as_they_are_held():
-    t = 0.2 * np.arange(12)
-    late = Correction(late={"delta_r_cmd": 0.1, "azimuth_port_cmd": 0.1})
-    order, way = np.repeat([np.nan, 0.2, 0.4], 4), np.repeat([3.1, -3.1, -3.0], 4)
-    run = replace(run_of(t, order), commands={"delta_r_cmd": order, "azimuth_port_cmd": way})
-    found = apply(late, run).commands
-    known = np.isfinite(found["delta_r_cmd"])  # unknown until 0.7 s, 0.4 rad from 1.5 s on
-    assert np.array_equal(found["delta_r_cmd"][known], [0.2] * 5 + [0.4] * 5) and known.size == 14
-    assert not known[:4].any()
-    assert set(found["azimuth_port_cmd"]) == {3.1, -3.1, -3.0}  # not halfway round by way of nought
-
-
 def test_a_log_that_says_when_orders_act_has_no_step():
     t, order = 0.2 * np.arange(30), np.where(np.arange(30) < 10, 0.1, -0.1)
     run = run_of(t, order)
     for late, told in (({"psi": 0.05}, True), ({"delta_r_cmd": 0.05}, False), ({"delta_r_cmd": 0.2}, False)):
         trial = Trial("a", Path("."), "remus100", 3, (apply(Correction(late=late), run),), {})
         assert (step_of(trial) is not None) == told
-
-
-def test_rows_that_were_added_are_no_readings_for_checks_and_averages():
-    """Orders at their means over a row again, and every reading as it was."""
-    rng = np.random.default_rng(1)
-    t, order = 0.2 * np.arange(40), 0.1 * rng.normal(size=40)
-    run = replace(run_of(t, order), data={"psi": np.cumsum(0.01 * rng.normal(size=40))})
-    moved = apply(Correction(late={"delta_r_cmd": 0.07}), run)
-    assert moved.t.size > 70
-    back = at_readings(moved)
-    assert np.array_equal(back.t, t) and np.array_equal(back.data["psi"], run.data["psi"])
-    mean = (0.13 * order[:-1] + 0.07 * order[1:]) / 0.2
-    assert back.commands["delta_r_cmd"][:-1] == pytest.approx(mean)
-    assert check_run(moved) == check_run(run) and at_readings(run) is run
-    trial = Trial("a", Path("."), "remus100", 3, (moved,), {"psi": 0.01})
-    model = load_vehicle("remus100")
-    assert condensed(trial, model, 40) is trial  # as many readings as may be
-    dense = condensed(replace(trial, noise={"psi": 0.01}), model, 20)
-    assert all(np.isfinite(r.data["psi"]).any() and r.t.size <= 40 for r in dense.runs)
-
-
-@pytest.mark.parametrize("begin", [0.0, 1.7e9])
-def test_whole_rows_earlier_add_none_on_any_clock(begin):
-    t, order = begin + 0.2 * np.arange(50), np.random.default_rng(2).normal(size=50)
-    assert ordered_earlier(run_of(t, order), {"delta_r_cmd": 0.2}).t.size == 50

@@ -345,3 +345,15 @@ def test_a_shaft_slower_than_a_thruster_that_runs_evenly_may_not_change_either(f
     changed = replace(run, commands={**run.commands, **even})
     log = filter_error_run(model, changed, dict.fromkeys(channels, 0.01), channels)
     assert why_not_straight(model, log) == "its revolutions n_stbd change"
+
+
+def test_named_rudders_act_as_early_as_the_order_that_moves_them_together(ferry):
+    model, t = build_model(ferry, 3), np.arange(30.0)
+    names, orders = model.kernel.actuators, {"delta_r_cmd": np.where(t < 10, 0.1, -0.1)}
+    one, other = names.index("delta_1"), names.index("delta_2")
+    plan = plan_run(model, t, orders, acts_before={"delta_r_cmd": 0.4})
+    assert (plan.sooner[one], plan.sooner[other]) == (0.4, 0.4)
+    own = plan_run(model, t, orders, acts_before={"delta_r_cmd": 0.4, "delta_1_cmd": 0.1})
+    assert (own.sooner[one], own.sooner[other]) == (0.1, 0.4)
+    measured = plan_run(model, t, orders, {"delta_1": np.zeros(30)}, acts_before={"delta_r_cmd": 0.4})
+    assert (measured.sooner[one], measured.sooner[other]) == (0.0, 0.4)  # what is measured is not ordered

@@ -143,7 +143,7 @@ def diagnose(
         found: Diagnosis, of: Trial, right: Trial, run_on: Callable[[Trial], Diagnosis]
     ) -> Diagnosis:
         """The diagnosis, or one of orders as much earlier as one acts where that explains more."""
-        if resample or (step := step_of(right)) is None or not (early := acts_before_its_stamp(found)):
+        if (step := step_of(right)) is None or not (early := acts_before_its_stamp(found)):
             return found
         earlier, text = between_stamps(right, step, early)
         try:

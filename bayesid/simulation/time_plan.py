@@ -17,7 +17,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.model.actuators import UNLIMITED
 from bayesid.model.channels import channel
-from bayesid.model.vehicles.orders import spread
+from bayesid.model.vehicles.orders import spread, together
 
 Array = np.ndarray
 
@@ -42,7 +42,8 @@ class TimePlan:
     command : (m, na) commanded actuator positions, mean over the step, without any delay [rad, rpm]
     exogenous : (m, ne) measured wind (its mean over `wind_average` of the vehicle) and latent inputs, held
         over each step
-    knots, levels : (k,) and (k, na) switching times [s since the run began] and values of the held commands
+    knots, levels : (k,) and (k, na) times [s since the run began] and values of the held commands
+    sooner : (na,) time [s] by which the command of an actuator switches before its knot
     measured : names of actuators whose measured position is used instead of the command
     began : when the run began [s], from which effects that change with time count: the first sample, or one
         before it of which this is a part
@@ -58,6 +59,7 @@ class TimePlan:
     exogenous: Array
     knots: Array
     levels: Array
+    sooner: Array
     measured: tuple[str, ...] = ()
     piece: float = 0.0
     began: float = 0.0
@@ -77,6 +79,7 @@ def plan_run(
     max_step: float | None = None,
     longer: float = 1.0,
     began: float | None = None,
+    acts_before: Mapping[str, float] | None = None,
 ) -> TimePlan:
     """Time grid and inputs for a run.
 
@@ -94,6 +97,7 @@ def plan_run(
         pieces of `PIECE_PER_LENGTH`, those at its own rate ending when it stops
     longer : how much longer the default steps are: maps of single sample intervals gather no error
     began : when the run began [s], of a part of one; default the first sample
+    acts_before : command -> time [s] by which it switches before the sample that holds it
 
     Raises
     ------
@@ -106,6 +110,7 @@ def plan_run(
     inputs = spread(model.vehicle, inputs, measured)
     measured = {k: v for k, v in (measured or {}).items() if k in names}
     levels = np.zeros((t.size, len(names)))
+    sooner = _sooner(model, acts_before or {}, measured)
     moving, servos = np.zeros(t.size - 1), model.kernel.spec.servos
     for a, name in enumerate(names):
         if name in measured:
@@ -132,15 +137,37 @@ def plan_run(
             exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, _averaged(t, values, over))
     began = float(t[0]) if began is None else began
     return TimePlan(
-        t, start - began, steps, record, command, exo, t - began, levels, tuple(measured), piece, began
+        t,
+        start - began,
+        steps,
+        record,
+        command,
+        exo,
+        t - began,
+        levels,
+        sooner,
+        tuple(measured),
+        piece,
+        began,
     )
 
 
 def plan_trial_run(model: Model, run: Any, max_step: float | None = None, longer: float = 1.0) -> TimePlan:
     """Plan of a logged run (`trials.Run`): measured actuators where logged, commands otherwise."""
     return plan_run(
-        model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step, longer, run.began
-    )
+        model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step, longer, run.began,
+        run.acts_before,
+    )  # fmt: skip
+
+
+def _sooner(model: Model, acts_before: Mapping[str, float], measured: Mapping[str, Array]) -> Array:
+    """(na,) time [s] by which commands act before their samples; one of several actuators is that of each."""
+    own = dict(acts_before)
+    for common, signs in together(model.vehicle).items():
+        if f"{common}_cmd" in acts_before:
+            own |= {f"{name}_cmd": acts_before[f"{common}_cmd"] for name in signs if f"{name}_cmd" not in own}
+    names = model.kernel.actuators
+    return np.array([0.0 if name in measured else own.get(f"{name}_cmd", 0.0) for name in names])
 
 
 def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float, float]:

@@ -169,12 +169,20 @@ def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float], flo
         begins = begins[:1]
     grid = min((_Grid(run, width, begin) for begin in begins), key=lambda g: (g.kept < WHOLE, g.t.size))
     commands = {name: grid.order(name, values) for name, values in run.commands.items()}
+    before = {name: s for name, s in run.acts_before.items() if not grid.held_at_means(name)}
     groups: dict[str, Any] = {"data": grid.data(), "commands": commands}
     for group in ("measured_inputs", "exogenous", "propulsion", "extra"):
         groups[group] = {name: grid.input(values) for name, values in getattr(run, group).items()}
     note = f"averaged over {width:g} s from {run.digest[:12]}"
     began = float(run.t[0]) if run.began is None else run.began  # half a block before its first average
-    out = replace(run, t=run.t[0] + grid.t, began=began, provenance=(*run.provenance, note), **groups)
+    out = replace(
+        run,
+        t=run.t[0] + grid.t,
+        began=began,
+        provenance=(*run.provenance, note),
+        acts_before=before,
+        **groups,
+    )
     return out, grid.held, grid.kept
 
 
@@ -207,7 +215,8 @@ class _Grid:
             else:
                 self.held[name], self._means[name] = rate * worth, _unbent(mean, share)
                 self.kept = min(self.kept, worth)
-        switched = [t[self._switches(values)] for values in run.commands.values()]
+        self._ordered, self._sooner = run.commands, run.acts_before
+        switched = [t[self._switches(values)] - self._before(name) for name, values in run.commands.items()]
         read = [t[np.isfinite(values)] for values in self._own.values()]
         extra = [_off(kept, times, 1e-6 * width) for times in switched]
         extra += [_off(kept, times, BESIDE * width) for times in read]
@@ -246,16 +255,26 @@ class _Grid:
                 out[name][inside] = np.interp(self.t[inside], read, values[good])
         return out
 
+    def held_at_means(self, name: str) -> bool:
+        """Whether an order changes all the time, and is held at its means from when on it acts."""
+        values = self._ordered[name]
+        return self._moving(_moves(values)) and bool(np.isfinite(values).all())
+
+    def _before(self, name: str) -> float:
+        """By how much an order that is held at means acts before its rows [s]."""
+        return self._sooner.get(name, 0.0) if self.held_at_means(name) else 0.0
+
     def order(self, name: str, values: Floats) -> Floats:
         """An order as it is held at the samples; one that changes all the time at its mean to the next, of
         revolutions at that of n|n|, with which thrust goes."""
-        row = np.clip(np.searchsorted(self._t, self.t + 1e-6 * self._width, side="right") - 1, 0, None)
+        near, at = 1e-6 * self._width, self.t + self._before(name)
+        row = np.clip(np.searchsorted(self._t, at + near, side="right") - 1, 0, None)
         held = values[row]
-        if not self._moving(_moves(values)) or not np.isfinite(values).all() or self.t.size < 2:
+        if not self.held_at_means(name) or self.t.size < 2:
             return held
         turning = name.startswith("n_")
         pull = values * np.abs(values) if turning else values
-        until = integral_of_held(self._t, pull, self.t)
+        until = integral_of_held(self._t, pull, at)
         mean = np.diff(until) / np.diff(self.t)
         held[:-1] = np.sign(mean) * np.sqrt(np.abs(mean)) if turning else mean
         return held

@@ -10,7 +10,6 @@ from dataclasses import replace
 from bayesid.errors import VehicleError
 from bayesid.model.vehicles import Vehicle, usual_speed
 from bayesid.trials.averaging import averaged
-from bayesid.trials.held_orders import at_readings
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
 from bayesid.trials.trial import Trial
@@ -38,11 +37,8 @@ def condensed(
         else a trial without any stated noise keeps its readings
     """
     speed = speed_known(vehicle)
-    runs = [at_readings(run) for run in trial.runs]
-    if speed is None or sum(run.n_samples for run in runs if run.role == "identify") <= most:
+    if speed is None or sum(run.n_samples for run in trial.identify) <= most:
         return trial
-    if any(run is not was for run, was in zip(runs, trial.runs, strict=True)):
-        trial = replace(trial, runs=tuple(runs))
     believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
     known = with_noise_of_readings(believed, (vehicle.L, speed)) if as_seen else believed
     done = averaged(known, vehicle.L / speed, most)

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
-from bayesid.trials.held_orders import ordered_earlier
 from bayesid.trials.kinematics.blocks import joined
 from bayesid.trials.left_out import LeftOut, read_left_out
 from bayesid.trials.trial import Floats, Run
@@ -167,17 +166,34 @@ def apply(correction: Correction, run: Run) -> Run:
         groups[_GROUP[channel(name).kind]][name] = values
     note = f"{CORRECTED} " + "; ".join(correction.lines())
     provenance = (*run.provenance, note)
-    done = replace(run, t=t, began=began, known_from=known_from, provenance=provenance, **groups)
-    return ordered_earlier(done, {n: late * correction.time_scale for n, late in correction.late.items()})
+    return replace(
+        run, t=t, began=began, known_from=known_from, acts_before=_acts_before(correction, run, series),
+        provenance=provenance, **groups,
+    )  # fmt: skip
 
 
 def _known_from(correction: Correction, run: Run) -> dict[str, float]:
     """When inputs are first known [s], by the names and on the clock that the correction gives them."""
-    known = {correction.rename.get(k, k): at for k, at in run.known_from.items() if k not in correction.drop}
+    known = _renamed(correction, run.known_from)
+    return {name: at - correction.late.get(name, 0.0) for name, at in known.items()}
+
+
+def _acts_before(correction: Correction, run: Run, series: Iterable[str]) -> dict[str, float]:
+    """By how much orders act before their rows [s], those that are `late` by that more."""
+    known = _renamed(correction, run.acts_before)
+    for name, late in correction.late.items():
+        if name in series and channel(name).kind == "command":
+            known[name] = known.get(name, 0.0) + late
+    return {name: correction.time_scale * s for name, s in known.items() if s}
+
+
+def _renamed(correction: Correction, known: Mapping[str, float]) -> dict[str, float]:
+    """Numbers by channel, by the names that the correction gives the channels."""
+    known = {correction.rename.get(k, k): at for k, at in known.items() if k not in correction.drop}
     for a, b in correction.exchange:
         pair = {b: known.pop(a, None), a: known.pop(b, None)}
         known |= {name: at for name, at in pair.items() if at is not None}
-    return {name: at - correction.late.get(name, 0.0) for name, at in known.items()}
+    return known
 
 
 def join(corrections: Sequence[Correction]) -> Correction | None:

@@ -14,7 +14,6 @@ import numpy as np
 from bayesid.model.channels import ACTUATORS, channel
 from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
 from bayesid.trials.gaps import channel_gaps, gap_words, row_gaps
-from bayesid.trials.held_orders import at_readings
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.trial import Floats, Run
@@ -44,7 +43,6 @@ _SCALES = {
 
 def check_run(run: Run) -> list[str]:
     """Warnings about one run, most basic first."""
-    run = at_readings(run)
     notices = _sampling(run)
     holes = [(name, 100 * float(np.isnan(values).mean())) for name, values in run.data.items()]
     if any(share > 0.0 for _, share in holes):
@@ -62,7 +60,6 @@ def check_run(run: Run) -> list[str]:
 def check_runs(runs: Sequence[Run]) -> list[str]:
     """Warnings that need all runs: the sign of the rudder, a turn with the rudder amidships, a current that
     the track does not show."""
-    runs = [at_readings(run) for run in runs]
     found = [check for check in map(check_rudder, runs) if check is not None]
     return rudder_notice(found) + _amidships(runs) + _ground_as_water(runs)
 

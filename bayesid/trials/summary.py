@@ -18,7 +18,6 @@ from bayesid.model.vehicles.orders import gathered, has_rudder, rudders_together
 from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.gaps import gaps_of
-from bayesid.trials.held_orders import at_readings
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from bayesid.trials.trial import Floats, Run, Trial, channels_of
@@ -103,7 +102,6 @@ def trial_summary(trial: Trial, vehicle: Vehicle | None = None) -> dict[str, Any
 
 
 def _run(run: Run, noise: dict[str, float], vehicle: Vehicle | None) -> dict[str, Any]:
-    digest, run = run.digest, at_readings(run)
     step = np.diff(run.t)
     usual = float(np.median(step))
     gaps = gaps_of(run)
@@ -114,7 +112,7 @@ def _run(run: Run, noise: dict[str, float], vehicle: Vehicle | None) -> dict[str
         "name": run.name,
         "manoeuvre": run.manoeuvre,
         "role": run.role,
-        "digest": digest,
+        "digest": run.digest,
         "samples": run.n_samples,
         "duration": run.duration,
         "dt": {"median": usual, "least": float(step.min()), "greatest": float(step.max())},

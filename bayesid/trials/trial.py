@@ -106,6 +106,8 @@ class Run:
         its first sample
     known_from : input -> time of its first value [s], of those without one at the beginning; before it that
         value stands
+    acts_before : order -> time [s] by which it acts before the row that holds it, as one does that changed
+        since the row before; row k then holds from t_k less that
     digest : SHA-256 of everything above but warnings, notes and `known_from`, made when it is first asked for
     """
 
@@ -124,6 +126,7 @@ class Run:
     provenance: tuple[str, ...] = ()
     began: float | None = None
     known_from: Mapping[str, float] = field(default_factory=dict)
+    acts_before: Mapping[str, float] = field(default_factory=dict)
 
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
@@ -159,6 +162,8 @@ class Run:
         hashed.update(self.t.tobytes())
         if self.began is not None:
             hashed.update(repr(self.began).encode())
+        for name in sorted(self.acts_before):
+            hashed.update(f"{name} {self.acts_before[name]!r}".encode("utf-8", "surrogatepass") + b"\0")
         for group in self.GROUPS:
             channels = getattr(self, group)
             for name in sorted(channels):

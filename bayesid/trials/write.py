@@ -10,13 +10,14 @@ import re
 import shutil
 import tomllib
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from bayesid.errors import TrialError
 from bayesid.model.channels import CHANNELS, channel, is_channel
+from bayesid.trials.correction import Correction
 from bayesid.trials.paths import safe_path
 from bayesid.trials.schema import write_schema
 from bayesid.trials.table import BadTableError
@@ -153,7 +154,21 @@ def _toml(trial: Trial, vehicle: str, files: list[str]) -> str:
         notes = "; ".join(text for text in (run.notes, *run.provenance) if text)
         if notes:
             lines.append(f"notes = {toml_text(notes)}")
+    lines += _orders_that_act_before(trial, files)
     return "\n".join(lines) + "\n"
+
+
+def _orders_that_act_before(trial: Trial, files: Sequence[str]) -> list[str]:
+    """The table of corrections that says so, of some runs or of all."""
+    told = [run for run in trial.runs if run.acts_before]
+    if not told:
+        return []
+    late = dict(told[0].acts_before)
+    if any(run.acts_before != late for run in told):
+        raise TrialError(f"{trial.name}: orders that act at other times in other runs cannot be written")
+    named = tuple(Path(file).stem for run, file in zip(trial.runs, files, strict=True) if run.acts_before)
+    concerned = () if len(told) == len(trial.runs) else named
+    return ["", "[corrections]", *Correction(late=late, runs=concerned).lines(digits=17)]
 
 
 def toml_text(value: str) -> str:

@@ -163,7 +163,8 @@ def _piece(
         commands, measured = (
             {k: np.zeros(v.shape) if k in still else v for k, v in group.items()} for group in groups
         )
-        states = simulate(model, model.nominal, plan_run(model, t, commands, measured, wind), start).states
+        plan = plan_run(model, t, commands, measured, wind, acts_before=run.acts_before)
+        states = simulate(model, model.nominal, plan, start).states
         return states[-1, at] - states[0, at]
 
     free = turned(())

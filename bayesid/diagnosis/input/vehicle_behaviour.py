@@ -20,7 +20,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.model.vehicles.orders import missing_actuators
-from bayesid.simulation import plan_run, simulate
+from bayesid.simulation import plan_run, plan_trial_run, simulate
 from bayesid.trials import Run
 from bayesid.trials.mistakes.signs import sign_evidence
 from bayesid.trials.mistakes.table import Mistake
@@ -193,7 +193,7 @@ def _simulated_speed(model: Model, run: Run, speed: Array) -> Array | None:
     if start is None:
         return None
     try:
-        plan = plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous)
+        plan = plan_trial_run(model, run)
         return simulate(model, model.nominal, plan, start).states[:, model.states.index("u")]
     except BayesidError:
         return None
@@ -270,7 +270,7 @@ def _piece(
     j, slide = model.states.index(angle), SLIDE[angle][1]
     ends, last = [], []
     for commands, measured in (groups, free):
-        plan = plan_run(model, t, commands, measured, wind)
+        plan = plan_run(model, t, commands, measured, wind, acts_before=run.acts_before)
         states = simulate(model, model.nominal, plan, start).states
         ends.append(states[-1, j] - states[0, j])
         last.append(states[-1, model.states.index(slide)])

@@ -17,7 +17,6 @@ from scipy.special import logsumexp
 
 from bayesid.trials.correction import Correction, apply
 from bayesid.trials.handedness import UNKNOWN, Handedness
-from bayesid.trials.held_orders import at_readings
 from bayesid.trials.kinematics.evidence import Held, weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
 from bayesid.trials.mistakes.finding import BY_VEHICLE, InputCheck, InputFinding
@@ -122,7 +121,7 @@ def check_input(
     from bayesid.trials.mistakes.orders import ordered
     from bayesid.trials.mistakes.sized import sized
 
-    kept = [_without_spikes(_thinned(at_readings(run))) for run in runs]
+    kept = [_without_spikes(_thinned(run)) for run in runs]
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
