@@ -399,7 +399,7 @@ def test_a_fault_of_the_program_is_not_committed_unless_accepted(world, monkeypa
     def broken(*_, **__):
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr("bayesid.diagnosis.run.diagnose", broken)
+    monkeypatch.setattr("bayesid.diagnosis.of_log.diagnose", broken)
     with pytest.raises(BlindError, match="pond: ZeroDivisionError: a fault"):
         solve_pack(world / "pack", world / "new", progress=QUIET)
     assert not (world / "new" / VERDICT_COMMITMENT_FILE).exists()

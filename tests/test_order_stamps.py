@@ -1,7 +1,7 @@
 """Orders that change between two stamps of a log."""
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace as Plain
 
@@ -10,7 +10,8 @@ import pytest
 
 import bayesid
 from bayesid.api.simulate import simulate_model
-from bayesid.diagnosis.input import order_stamps
+from bayesid.diagnosis import of_log
+from bayesid.diagnosis.input import as_read, order_stamps
 from bayesid.diagnosis.input.order_stamps import (
     acts_before_its_stamp,
     better,
@@ -18,6 +19,7 @@ from bayesid.diagnosis.input.order_stamps import (
     same_readings,
     step_of,
 )
+from bayesid.diagnosis.of_log import diagnose_log
 from bayesid.diagnosis.run import diagnose as diagnose_trial
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
@@ -292,3 +294,32 @@ def test_a_log_that_says_when_orders_act_has_no_step():
     for late, told in (({"psi": 0.05}, True), ({"delta_r_cmd": 0.05}, False), ({"delta_r_cmd": 0.2}, False)):
         trial = Trial("a", Path("."), "remus100", 3, (apply(Correction(late=late), run),), {})
         assert (step_of(trial) is not None) == told
+
+
+@pytest.mark.parametrize("interval", [None, 0.8])
+@pytest.mark.parametrize("gains", [True, False])
+def test_orders_that_act_early_are_read_so_once_more_and_kept_where_that_explains_more(
+    monkeypatch, gains, interval
+):
+    """As logged, averaged or thinned: rows and readings are the same ones."""
+    trial, model = logged_every(0.2, 0.2)
+    asked = []
+
+    def diagnose(of, model, seed):
+        asked.append(of)
+        return Plain(of=of, seed=seed)
+
+    monkeypatch.setattr(of_log, "diagnose", diagnose)
+    monkeypatch.setattr(of_log, "as_read", partial(as_read, resample=interval))
+    monkeypatch.setattr(of_log, "acts_before_its_stamp", lambda found: 0.07)
+    monkeypatch.setattr(of_log, "better", lambda one, other: gains)
+    found, checked = diagnose_log(trial, model, seed=4)
+    first, second = asked
+    assert found.of is (second if gains else first) and found.seed == 4 and not checked.findings
+    for one, other in zip(first.runs, second.runs, strict=True):
+        assert one.acts_before == {} and other.acts_before == {"delta_r_cmd": 0.07, "n_cmd": 0.07}
+        assert np.array_equal(one.t, other.t)
+        assert np.array_equal(one.data["psi"], other.data["psi"], equal_nan=True)
+        assert np.array_equal(one.commands["delta_r_cmd"], other.commands["delta_r_cmd"])
+    assert any("read 0.07 s earlier" in text for text in second.warnings)
+    assert set(first.warnings) < set(second.warnings)

@@ -38,9 +38,8 @@ def test_a_diagnosis_a_pack_and_a_study_read_the_same(bundle, tmp_path, monkeypa
         seen.append(trial)
         raise _Stopped("stopped")
 
-    for place in ("bayesid.api.diagnose.run", "bayesid.diagnosis.run.diagnose"):
+    for place in ("bayesid.api.diagnose.run", "bayesid.diagnosis.of_log.diagnose"):
         monkeypatch.setattr(place, diagnose)
-    monkeypatch.setattr(verdicts, "diagnose", diagnose)
     with pytest.raises(_Stopped):
         bayesid.diagnose(bundle)
     verdicts._keep(tmp_path, "code", 0, bundle)

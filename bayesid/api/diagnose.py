@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -27,20 +27,13 @@ from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import as_read, check_trial, mended, missing_orders, not_enough
 from bayesid.diagnosis.input.memory_needed import enough_memory
-from bayesid.diagnosis.input.order_stamps import (
-    acts_before_its_stamp,
-    better,
-    between_stamps,
-    earlier_by,
-    same_readings,
-    step_of,
-)
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
+from bayesid.diagnosis.of_log import or_with_earlier_orders
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
-from bayesid.errors import BayesidError, TrialError
+from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.places import NOWHERE, Places, places_of
@@ -139,30 +132,6 @@ def diagnose(
     def used(of: Trial) -> Trial:
         return as_read(of, model, resample, trust_input)
 
-    def or_between_stamps(
-        found: Diagnosis, of: Trial, right: Trial, run_on: Callable[[Trial], Diagnosis]
-    ) -> Diagnosis:
-        """The diagnosis, or one of orders as much earlier as one acts where that explains more."""
-        if (step := step_of(right)) is None or not (early := acts_before_its_stamp(found)):
-            return found
-        earlier, text = between_stamps(right, step, early)
-        try:
-            read = used(earlier)
-            if not same_readings(of, read):
-                shown.note("an order acts before it is logged; averages of earlier orders do not compare")
-                return found
-            sooner = f"{earlier_by(step, early):.3g}"
-            shown.note(f"an order acts before it is logged; once more with orders {sooner} s earlier")
-            new = (w for w in read.warnings if w not in of.warnings)
-            again = run_on(replace(read, warnings=(*of.warnings, *new, text)))
-        except BayesidError as error:
-            shown.note(f"earlier orders could not be tried ({error})")
-            return found
-        if better(found, again):
-            return again
-        shown.note("orders stay as logged: earlier they explain no more")
-        return found
-
     def diagnosis(of: Trial, checked: InputCheck, right: Trial | None = None) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model, model.dof == 6))
         if before := 0 if kept is None else len(list(kept.glob(f"*{SUFFIX}"))):
@@ -176,7 +145,7 @@ def diagnose(
         with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
             found = run_on(of)
             if right is not None:
-                found = or_between_stamps(found, of, right, run_on)
+                found = or_with_earlier_orders(found, of, right, used, run_on, shown.note)
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)

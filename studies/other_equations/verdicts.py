@@ -14,8 +14,7 @@ from typing import Any
 
 from bayesid.benchmark.protocol.commitment import digest_of_folder, read_json
 from bayesid.code import code_digest
-from bayesid.diagnosis.input import checked_and_read
-from bayesid.diagnosis.run import diagnose
+from bayesid.diagnosis.of_log import diagnose_log
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.executor import Executor
@@ -73,8 +72,8 @@ def _keep(folder: Path, code: str, seed: int, bundle: Path) -> tuple[str, str]:
     try:
         trial = load_trial(bundle)
         model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
-        trial, checked = checked_and_read(trial, model)
-        kept |= summary(diagnose(trial, model, seed=seed, plan_next=False).result.record())
+        found, checked = diagnose_log(trial, model, seed=seed, plan_next=False)
+        kept |= summary(found.result.record())
         kept["input"] = [f.name for f in checked.findings]
     except BayesidError as error:
         kept["failure"] = str(error)

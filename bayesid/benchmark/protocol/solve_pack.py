@@ -230,7 +230,7 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     bundle, folder, digest, settings, now = task
     from bayesid.benchmark.general_methods import METHODS
     from bayesid.diagnosis.input import checked_and_read
-    from bayesid.diagnosis.run import diagnose
+    from bayesid.diagnosis.of_log import diagnose_log
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
@@ -246,12 +246,12 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     try:
         trial = load_trial(bundle)
         model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
-        trial, checked = checked_and_read(trial, model)
         found = None
         if settings.method == DIAGNOSIS:
-            found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
+            found, checked = diagnose_log(trial, model, seed=settings.seed, plan_next=settings.plan_next)
             record = {**found.result.record(), "input": check_record(checked)}
         else:
+            trial, _ = checked_and_read(trial, model)
             record = METHODS[settings.method].verdict(trial, model, settings.seed)
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)

@@ -9,7 +9,7 @@ from bayesid.diagnosis.input.check import check_trial, mended
 from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
 from bayesid.diagnosis.input.missing_orders import missing_orders, without_missing
 from bayesid.diagnosis.input.orders_by_run import orders_by_run
-from bayesid.diagnosis.input.reading import MOST_SAMPLES, as_read, checked_and_read
+from bayesid.diagnosis.input.reading import MOST_SAMPLES, as_read, checked_and_mended, checked_and_read
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "WRONG_VEHICLE",
     "as_read",
     "check_trial",
+    "checked_and_mended",
     "checked_and_read",
     "mended",
     "missing_orders",

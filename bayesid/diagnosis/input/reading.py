@@ -30,8 +30,8 @@ def as_read(trial: Trial, model: Model, resample: float | None = None, trust_noi
     return taken if resample else condensed(taken, model.vehicle, MOST_SAMPLES, trust_noise, as_seen=True)
 
 
-def checked_and_read(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
-    """The trial as read where one verdict is wanted of every log, and what was found.
+def checked_and_mended(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
+    """The trial with all its readings where one verdict is wanted of every log, and what was found.
 
     Mistakes of the log are mended in memory; those that one of the simulator explains better are left to the
     diagnosis, which looks for it. One without a mend, where the command asks for another log, stays.
@@ -44,4 +44,10 @@ def checked_and_read(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
     if lost := missing_orders(trial, model.vehicle):
         raise TrialError(f"{trial.name}: {'; '.join(lost.values())}")
     checked = check_trial(trial, model)
-    return as_read(mended(trial, checked.of_log), model), checked
+    return mended(trial, checked.of_log), checked
+
+
+def checked_and_read(trial: Trial, model: Model) -> tuple[Trial, InputCheck]:
+    """The same as the diagnosis reads it."""
+    logged, checked = checked_and_mended(trial, model)
+    return as_read(logged, model), checked
