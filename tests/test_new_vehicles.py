@@ -521,6 +521,25 @@ def test_the_commands_make_and_check_a_vehicle(tmp_path, capsys):
     assert "Froude" in capsys.readouterr().out
 
 
+def test_stops_and_rates_of_fins_are_options_of_a_submerged_vehicle_only(tmp_path, capsys):
+    size = ["--length", "3", "--diameter", "0.32", "--mass", "180", "--speed", "2"]
+    with_stops = ["--rudder-max", "25", "--plane-max", "18", "--rate", "40"]
+    fins = ["--rudder", "0.02,0.15,2.85", "--planes", "0.02,0.15,2.85"]
+    assert bayesid(["vehicle", "new", str(tmp_path / "stops.toml"), *size, *fins, *with_stops]) == 0
+    made = load_vehicle(tmp_path / "stops.toml")
+    assert [np.rad2deg(made.limits[f]) for f in ("delta_r", "delta_s")] == pytest.approx([25.0, 18.0])
+    assert np.rad2deg(made.rates["delta_r"]) == pytest.approx(40.0)
+    assert bayesid(["vehicle", "new", str(tmp_path / "t.toml"), "--like", "lauv", "--rate", "40"]) == 2
+    assert "does not take rate_deg_s" in capsys.readouterr().err
+    simulator = tmp_path / "simulator.xml"
+    simulator.write_text("<sdf/>")
+    assert (
+        bayesid(["vehicle", "new", str(tmp_path / "t.toml"), "--simulator", str(simulator), "--rate", "4"])
+        == 2
+    )
+    assert "write them into the file" in capsys.readouterr().err
+
+
 def test_the_share_of_stable_vehicles_is_a_half_on_the_edge_and_one_far_from_it():
     from bayesid.model.vehicles import CoefficientPrior
 

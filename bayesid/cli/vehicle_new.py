@@ -33,6 +33,8 @@ Simulator = Annotated[
         show_default=False,
     ),
 ]
+STOPS = ("rudder_max_deg", "plane_max_deg", "rate_deg_s")
+TO_SCALE = ("length", "mass", "speed", "rho")  # numbers that another vehicle is scaled by
 Fins = Annotated[
     str | None,
     typer.Option(help="Pair of fins: AREA,SPAN,FROM_NOSE of one [m2, m, m].", show_default=False),
@@ -60,6 +62,16 @@ def new(
     rho: Annotated[float | None, typer.Option(help="[kg/m3] of the water.", show_default=False)] = None,
     rudder: Fins = None,
     planes: Fins = None,
+    rudder_max: Annotated[
+        float | None, typer.Option(help="[deg] largest rudder angle.", show_default=False)
+    ] = None,
+    plane_max: Annotated[
+        float | None, typer.Option(help="[deg] largest plane angle.", show_default=False)
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="[deg/s] largest rate of rudder and planes.", show_default=False),
+    ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the vehicle.", show_default=False)] = None,
     template: Annotated[
         bool, typer.Option("--template", help="Print a data sheet to fill in and stop.")
@@ -104,7 +116,8 @@ def new(
         key: value
         for key, value in (
             ("length", length), ("diameter", diameter), ("mass", mass), ("speed", speed), ("rpm", rpm),
-            ("propeller_diameter", propeller), ("rho", rho),
+            ("propeller_diameter", propeller), ("rho", rho), ("rudder_max_deg", rudder_max),
+            ("plane_max_deg", plane_max), ("rate_deg_s", rate),
         )
         if value is not None
     }  # fmt: skip
@@ -143,15 +156,18 @@ def _make(
     )
 
     if like is not None:
-        spare = [key for key in ("diameter", "rpm", "propeller_diameter") if key in numbers]
+        spare = [key for key in numbers if key not in TO_SCALE]
         if spare or fins:
             raise VehicleError(f"--like scales; it does not take {', '.join(spare) or 'fins'}")
-        its = {key: numbers[key] for key in ("length", "mass", "speed", "rho") if key in numbers}
-        made = scaled(load_vehicle(like), **its, name=name)
+        made = scaled(load_vehicle(like), **numbers, name=name)
     elif simulator:
         if fins:
             raise VehicleError(
                 "--simulator takes its fins from the files; add others in a data sheet (--sheet)"
+            )
+        if stops := [key for key in STOPS if key in numbers]:
+            raise VehicleError(
+                f"--simulator does not take {', '.join(stops)}; write them into the file it makes"
             )
         made = from_simulator(simulator, numbers)
     elif sheet is not None:
