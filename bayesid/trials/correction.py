@@ -30,9 +30,6 @@ WIND = frozenset({"wind_speed", "wind_from"})
 MOTION = frozenset({"x", "y", "psi", "u", "v"})  # of which the true wind is made of an apparent one
 
 
-CORRECTED = "corrected:"  # begins the provenance of a run that corrections were applied to
-
-
 @dataclass(frozen=True)
 class Correction:
     """Corrections in the order they are applied.
@@ -164,7 +161,7 @@ def apply(correction: Correction, run: Run) -> Run:
     groups: dict[str, Any] = {group: {} for group in set(_GROUP.values())}
     for name, values in series.items():
         groups[_GROUP[channel(name).kind]][name] = values
-    note = f"{CORRECTED} " + "; ".join(correction.lines())
+    note = "corrected: " + "; ".join(correction.lines())
     provenance = (*run.provenance, note)
     return replace(
         run, t=t, began=began, known_from=known_from, acts_before=_acts_before(correction, run, series),

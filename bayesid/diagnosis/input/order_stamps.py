@@ -24,7 +24,7 @@ from bayesid.diagnosis.threshold_table import LINEARISATION_SCATTER
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
-from bayesid.trials.correction import CORRECTED, Correction, apply
+from bayesid.trials.correction import Correction, apply
 
 if TYPE_CHECKING:
     from bayesid.diagnosis.run import Diagnosis
@@ -37,11 +37,7 @@ UNEVEN, MOSTLY = 0.1, 0.9
 def step_of(logged: Trial) -> float | None:
     """Time between two rows of the log [s]; None where runs differ, or rows of one, or where it is said when
     orders act."""
-    if any(
-        text.startswith(CORRECTED) and "late" in text and any(name in text for name in run.commands)
-        for run in logged.runs
-        for text in run.provenance
-    ):
+    if any(run.acts_before for run in logged.runs):
         return None
     steps = [float(np.median(np.diff(run.t))) for run in logged.identify]
     even = all(
