@@ -8,6 +8,8 @@ import pytest
 from scipy import stats
 from scipy.stats import norm
 
+from bayesid.api.simulate import simulate_model
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.hypotheses.cross_validation import (
     CrossValidation,
     agreement,
@@ -15,10 +17,14 @@ from bayesid.diagnosis.hypotheses.cross_validation import (
     excess_where_apart,
     left_out,
     log_odds_over_runs,
+    scatter_between_runs,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
 from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities, told
+from bayesid.diagnosis.run import diagnose
+from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.evidence import normal_equations
+from bayesid.model.vehicles import load_vehicle
 
 COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
 
@@ -398,3 +404,48 @@ def test_a_name_acts_as_probably_as_all_sets_that_hold_it():
     assert sum(found.sets.values()) == pytest.approx(1.0)
     for name, inside in found.inside.items():
         assert inside == pytest.approx(sum(p for key, p in found.sets.items() if name in key))
+
+
+@pytest.mark.parametrize("planted", [0.0, 0.3, 2.0])
+def test_the_scatter_of_a_size_from_run_to_run_is_what_was_planted(planted):
+    """Common slope, a size of its own for every run; in the mean of many draws, noise of one."""
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(200):
+        runs = []
+        for size in 1.5 + planted * rng.normal(size=6):
+            columns = rng.normal(size=(80, 2))
+            runs.append((columns @ [0.7, size] + rng.normal(size=80), columns))
+        found.append(scatter_between_runs(grams(runs), 1))
+    squares = np.square(found)
+    error = squares.std() / np.sqrt(squares.size)
+    if planted == 0.0:
+        assert np.mean(squares == 0.0) > 0.3 and squares.mean() < 0.01  # 1/80 is the variance of a size
+    else:
+        assert abs(squares.mean() - planted**2) < 4.0 * error
+    one, *others = grams(runs)
+    silent = [replace(e, ss=0.0 * e.ss, se=0.0 * e.se) for e in others]
+    assert scatter_between_runs((one, *silent), 1) == 0.0  # one run alone says nothing
+
+
+@pytest.mark.thorough
+def test_a_rudder_offset_of_some_runs_only_fails_a_check_and_one_of_all_does_not():
+    model = build_model(load_vehicle("remus100"), 3)
+    noise = {"x": 0.05, "y": 0.05, "psi": 0.003, "r": 0.002, "u": 0.004, "v": 0.004}
+    orders = (
+        "zigzag:13/13",
+        "zigzag:10/10,rpm=1200",
+        "turn:12",
+        "prbs:12",
+        "turn:-8",
+        "zigzag:12/12,rpm=1700",
+    )
+    every, never = (
+        simulate_model(model, "remus100", orders, 0.5, None, change, noise, 3)
+        for change in ({"rudder_offset.offset": 0.03}, None)
+    )
+    half = tuple((never, every)[k % 2].runs[k] for k in range(len(orders)))
+    for trial, fails in ((every, False), (replace(every, runs=half), True)):
+        found = diagnose(trial, model, plan_next=False).result
+        assert found.explanation == ("rudder_offset",)
+        assert any("disagree about the size of rudder offset" in text for text in failures(found)) == fails

@@ -25,6 +25,7 @@ from bayesid.diagnosis.hypotheses.rules import (
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence, size_words
 from bayesid.diagnosis.result_parts import (
     Effect,
+    Estimate,
     InPlaceOf,
     Moved,
     Refit,
@@ -238,6 +239,30 @@ def test_a_re_tuned_model_that_predicts_worse_stands_there_too_where_predictions
     assert "re-tuned model predicts 1 of 1 held-out runs worse" in said[0] and "90 m" in said[0]
     assert "Do not predict" in " ".join(answer(found).steps)
     assert failures(replace(found, retuning=Retuning(False, -0.1, 0.05, {}))) == ()
+
+
+@pytest.mark.parametrize(("scatter", "fails"), [(0.02, False), (0.1, False), (0.11, True), (0.4, True)])
+def test_runs_that_differ_in_size_fail_a_check_where_a_run_without_it_would_be_no_surprise(scatter, fails):
+    """A wind of 0.2 m/s along, 0.01 across: that it blows is told by the one that is told best."""
+    sizes = {"wind.V_north": Estimate(-0.2, 0.01), "wind.V_east": Estimate(0.01, 0.01)}
+    found = a_result(runs_agree=1e-6, size_scatter={"wind.V_north": scatter, "wind.V_east": 0.3})
+    found = replace(found, refits=(Refit(("wind",), 50.0, 1.0, True, sizes),))
+    said = [text for text in failures(found) if "disagree about the size" in text]
+    told = [text for text in answer(found).certainty if "From run to run the size differs" in text]
+    assert (bool(said), bool(told)) == (fails, not fails)
+    if fails:
+        assert "of wind: " in said[0] and "a run without it would be no surprise" in said[0]
+    else:
+        assert f"by {100 * scatter / 0.2:.0f} % (wind)" in told[0]
+    agreed = replace(found, runs_agree=0.2)
+    assert not failures(agreed) and not any("From run to run" in t for t in answer(agreed).certainty)
+
+
+def test_what_the_runs_tell_apart_from_the_name_is_not_said_to_leave_its_trace():
+    found = a_result(ambiguity_groups=(("wind", "steady_force", "rudder_offset"),))
+    chances = {"wind": 0.97, "steady_force": 0.02, "rudder_offset": 1e-5}
+    said = next(t for t in answer(replace(found, probabilities=chances)).certainty if "same trace" in t)
+    assert "steady force" in said and "rudder offset" not in said
 
 
 def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_the_box():

@@ -160,7 +160,7 @@ def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch)
     finding = InputFinding(WRONG_VEHICLE, "another", (), (), True, 1.0, (), 1.0, 1.0, None, instead=("any",))
     monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
     monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
-    monkeypatch.setattr(module, "acts_before_its_stamp", lambda found: False)
+    monkeypatch.setattr("bayesid.diagnosis.of_log.acts_before_its_stamp", lambda found: False)
 
     def tried(*_, **__):
         (current_journal().folder / f"a{SUFFIX}").write_bytes(b"")
@@ -181,7 +181,7 @@ def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(
     )  # fmt: skip
     monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
     monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
-    monkeypatch.setattr(module, "acts_before_its_stamp", lambda found: False)
+    monkeypatch.setattr("bayesid.diagnosis.of_log.acts_before_its_stamp", lambda found: False)
     tried: list[float] = []
     right = condensed(clean, model.vehicle, MOST_SAMPLES, as_seen=True).runs[0].commands["delta_r_cmd"]
 

@@ -18,6 +18,7 @@ from bayesid.diagnosis.failed_checks import (
     failures,
     prediction_step,
     predicts_worse,
+    run_to_run,
 )
 from bayesid.diagnosis.hypotheses.rules import (
     BESIDE_FORM,
@@ -62,6 +63,7 @@ from bayesid.places import NOWHERE, Places
 from bayesid.words import first_few
 
 RMS = " (rms)"
+TOLD_APART = 1e-3  # probability below which the runs tell an effect from what is named
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
@@ -320,6 +322,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 "withheld trials, of those above one in thirty."
             )
         named = {e.name for e in result.effects}
+        if differ := run_to_run(result):
+            out.append(differ)
         if unnamed := unnamed_words(result, [n for n in explanation(result) if n not in named]):
             out.append(unnamed)
     first = leading_cause(result) if result.verdict == "ambiguous" else None
@@ -345,7 +349,9 @@ def _certainty(result: Result) -> tuple[str, ...]:
     elif not other and result.rule not in OUTSIDE_SAID:
         out.append("Nothing else reaches a probability of 0.01.")
     named = {e.name for e in result.effects}
-    alike = sorted({n for g in result.ambiguity_groups if named & set(g) for n in g} - named)
+    groups = [g for g in result.ambiguity_groups if named & set(g)]
+    # of others the runs tell more than a trace at usual size does
+    alike = sorted({n for g in groups for n in g if result.probabilities.get(n, 1.0) > TOLD_APART} - named)
     if alike:
         out.append(f"On these runs {_list(alike)} would leave nearly the same trace.")
     if result.model_form is not None and result.verdict != "model_form":

@@ -9,7 +9,9 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
+from bayesid.diagnosis.hypotheses.probabilities import TWO_SIDED_95
 from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
+from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
@@ -55,10 +57,12 @@ def failures(result: Result) -> tuple[str, ...]:
         what = "With the explanation" if used else "Re-tuned"
         runs = first_few(lost, MOST_RUNS)
         out.append(f"{what}, the simulation of {runs} diverges: nothing can be predicted with it.")
-    if used and result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
+    varying = [n for n, share in scatter_shares(result).items() if share > 1.0 / TWO_SIDED_95]
+    if runs_disagree(result) and (varying or not result.size_scatter):
+        size = f"the size of {and_list(in_words(n) for n in varying)}" if varying else "its size"
         out.append(
-            "The runs disagree about its size: that one and the same cause acts in all of them has "
-            f"p = {result.runs_agree:.1g}."
+            f"The runs disagree about {size}: that one and the same cause acts in all of them has "
+            f"p = {result.runs_agree:.1g}" + ("; a run without it would be no surprise." if varying else ".")
         )
     if far := far_off(result):
         out.append(far)
@@ -71,6 +75,40 @@ def failures(result: Result) -> tuple[str, ...]:
             else "The re-tuning stopped before it converged; its errors are rough."
         )
     return tuple(out)
+
+
+def runs_disagree(result: Result) -> bool:
+    """Whether the runs ask for different sizes of what is explained, by more than their readings allow."""
+    return (
+        bool(explanation(result))
+        and result.runs_agree is not None
+        and result.runs_agree < DISAGREEMENT_P_VALUE
+    )
+
+
+def scatter_shares(result: Result) -> dict[str, float]:
+    """Effect of the explanation -> by what share of its size single runs differ; of several sizes, the least:
+    an effect is there where one of them is."""
+    used = explanation(result)
+    refit = next((r for r in result.refits if set(r.effects) == set(used)), None)
+    sizes = {} if refit is None else {k: p.value for k, p in refit.parameters.items() if p.value}
+    out: dict[str, float] = {}
+    for key in sizes.keys() & result.size_scatter.keys():
+        name, share = key.split(".")[0], result.size_scatter[key] / abs(sizes[key])
+        out[name] = min(out.get(name, math.inf), share)
+    return dict(sorted(out.items()))
+
+
+def run_to_run(result: Result) -> str:
+    """A sentence where runs that agree about what acts ask for different sizes of it; else empty."""
+    shares = scatter_shares(result)
+    if not (runs_disagree(result) and shares) or any(s > 1.0 / TWO_SIDED_95 for s in shares.values()):
+        return ""
+    differ = and_list(f"{100.0 * s:.0f} % ({in_words(n)})" for n, s in shares.items())
+    return (
+        f"From run to run the size differs by more than readings allow, by {differ}, one sd; the interval "
+        "counts that."
+    )
 
 
 def predicts_worse(result: Result) -> list[RunError]:

@@ -225,6 +225,13 @@ class Result:
             "it was not asked."
         ),
     ] = None
+    size_scatter: Annotated[
+        Mapping[str, float],
+        About(
+            "Parameter of the best explanation -> by how much its size differs from run to run beyond what "
+            "the readings of each allow (one sd, in its unit); empty where it was not asked."
+        ),
+    ] = field(default_factory=dict)
     simulator: Annotated[
         tuple[SimulatorMistakeFound, ...],
         About(

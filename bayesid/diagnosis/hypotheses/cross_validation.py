@@ -6,6 +6,7 @@ runs are not read.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.run_data import Array
+
+# Precision over the prior's from which a run tells of a size.
+_LEAST_TOLD = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +112,46 @@ def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> t
     less, fewer = _explained(common.T @ own @ common, common.T @ score)
     chi2, freedom = max(gain - less, 0.0), max(rank - fewer, 1)
     return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
+
+
+def scatter_between_runs(equations: Sequence[NormalEquations], column: int) -> float:
+    """Sd of an unknown from run to run, beyond what the readings of each leave of it.
+
+    By moments (DerSimonian and Laird 1986) of the estimates of single runs, all else common to them; 0 where
+    they scatter no more than that, or fewer than two tell of it.
+    """
+    runs, k = len(equations), equations[0].se.size
+    others = np.delete(np.arange(k), column)
+    joint, score = np.zeros((k - 1 + runs, k - 1 + runs)), np.zeros(k - 1 + runs)
+    for m, g in enumerate(equations):
+        at = np.append(np.arange(k - 1), k - 1 + m)
+        of = np.append(others, column)
+        joint[np.ix_(at, at)] += g.ss[np.ix_(of, of)]
+        score[at] += g.se[of]
+    joint[: k - 1, : k - 1] += np.eye(k - 1)
+    tells = np.diag(joint)[k - 1 :] > _LEAST_TOLD
+    kept = np.append(np.arange(k - 1), k - 1 + np.flatnonzero(tells))
+    if tells.sum() < 2:
+        return 0.0
+    covariance = np.linalg.inv(joint[np.ix_(kept, kept)])
+    size, variance = (covariance @ score[kept])[k - 1 :], np.diag(covariance)[k - 1 :]
+    weight = 1.0 / variance
+    spread = float(weight @ (size - weight @ size / weight.sum()) ** 2)
+    beyond = (spread - (size.size - 1)) / (weight.sum() - (weight**2).sum() / weight.sum())
+    return float(np.sqrt(max(beyond, 0.0)))
+
+
+def size_scatter(candidate: RefittedHypothesis, coefficients: int) -> dict[str, float]:
+    """Parameter of an effect -> sd of its size from run to run [SI]; empty for a single run."""
+    fitted = candidate.fit
+    if len(fitted.equations) < 2:
+        return {}
+    columns = range(coefficients, len(fitted.free.names))
+    try:
+        sd = {fitted.free.names[c]: scatter_between_runs(fitted.equations, c) for c in columns}
+    except np.linalg.LinAlgError:
+        return {}
+    return {name: float(sd[name] * fitted.free.sd[c]) for name, c in zip(sd, columns, strict=True)}
 
 
 def log_odds_over_runs(ahead: Array) -> float:
