@@ -13,7 +13,7 @@ from bayesid.analysis.excitation.columns import evaluate
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.evidence import missing_force, term_evidence
 from bayesid.diagnosis.evidence.force_terms import force_library, unit_of
-from bayesid.diagnosis.evidence.missing_force import describe
+from bayesid.diagnosis.evidence.missing_force import MissingForceTerm, describe
 from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.result import schema
 from bayesid.diagnosis.schema import plain
@@ -159,3 +159,20 @@ def test_the_block_of_the_record_is_what_the_schema_states():
     del broken["terms"][0]["gain"]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, block)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "ahead", "says", "not_said"),
+    [
+        ("N_rrr", 1103.0, True, "it drives the motion", "own"),
+        ("N_rrr", -1103.0, True, "a row the vehicle lacks", "drives"),
+        ("X_uu", 13.6, True, "a change of the vehicle's own X_u|u| as it goes ahead", "lacks"),
+        ("X_uu", -13.6, False, "a row the vehicle lacks", "own"),
+    ],
+)
+def test_a_row_that_drives_the_motion_and_one_the_file_has_by_another_name_are_said_so(
+    name, value, ahead, says, not_said
+):
+    term = MissingForceTerm(name, name[0], "r*r*r", False, value, 60.0, "kg m^2 s", 0.9, 166.0, ())
+    said = missing_force._words((term,), (name,), 166.0, 20.0, {"X_u|u|", "N_r"} if ahead else ())[0]
+    assert says in said and not_said not in said

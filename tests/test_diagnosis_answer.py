@@ -865,6 +865,9 @@ def test_causes_that_are_not_separated_are_to_be_told_apart_by_a_manoeuvre(asked
     assert "--tell" not in " ".join(answer(planned).steps)  # control: that one is said
     alone = replace(found, set95=names[:1])
     assert "--tell" not in " ".join(answer(alone).steps)
+    boat = replace(found, trial=replace(found.trial, steers=False))  # `design` refuses it
+    said = " ".join(answer(boat, Places("pond")).steps)
+    assert "--tell" not in said and "tables of your own" in said
 
 
 def test_what_leeway_may_give_is_said_with_the_leeway():

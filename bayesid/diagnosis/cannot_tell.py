@@ -107,6 +107,11 @@ def to_tell_apart(result: Result, places: Places) -> str:
     own = bool(places.effects) and not known.issuperset(names)  # `design` takes no file of effects
     if result.verdict != "ambiguous" or result.next_manoeuvre or len(names) < 2 or own:
         return ""
+    if not result.trial.steers:
+        return (
+            f"To tell {and_list(map(in_words, names))} apart, order actuators by tables of your own, each "
+            "alone and against the others, at several revolutions: manoeuvres are designed for rudders only."
+        )
     command = f"`bayesid design {places.fitted} --tell {','.join(names)}`"
     why = (
         "No manoeuvre of the library was found that tells these causes apart"

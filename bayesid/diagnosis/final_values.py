@@ -64,6 +64,7 @@ from bayesid.diagnosis.result_parts import (
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.model_form import typical
 from bayesid.model.terms import term
+from bayesid.model.vehicles.orders import steers
 from bayesid.trials import Trial
 from bayesid.trials.measured_wind import apart_from_measured_wind
 
@@ -130,6 +131,7 @@ def result_of(
             model.vehicle.name,
             apart_from_measured_wind(model.vehicle).digest,
             trial.attribution,
+            steers(model.vehicle),
         ),
         model=model.digest,
         seed=seed,

@@ -32,6 +32,7 @@ class Diagnosed:
     vehicle: str = ""
     vehicle_digest: str = ""
     attribution: str = ""
+    steers: Annotated[bool, About("Whether a rudder steers it: manoeuvres are designed for one.")] = True
 
 
 @dataclass(frozen=True)

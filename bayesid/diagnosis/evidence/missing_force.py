@@ -8,7 +8,7 @@ a form, never a cause. Reads no held-out run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -39,12 +39,17 @@ from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.model.vehicles import Vehicle, prime_unit
+from bayesid.model.vehicles.check import drives
 from bayesid.words import digits
 
 # Bootstrap inclusion from which a term (or its group) is tried, draws, stretches they keep together [L/U].
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
 # Refits that clean the path, at most.
 MOST_ROUNDS = 3
+
+
+# Rows that are another one while the vehicle goes ahead.
+AHEAD_THE_SAME = {"X_uu": "X_u|u|", "X_u|u|": "X_uu"}
 
 
 @dataclass(frozen=True)
@@ -172,9 +177,11 @@ def describe(
         chosen, gain = [], 0.0
     selection = {w.name: w for w in selections}
     terms = tuple(_term(model.vehicle, trials, trial, chosen, j, selection) for j in chosen)
+    ahead = all(float(np.nanmin(log.path[:, model.states.index("u")])) > 0.0 for log in problem.logs)
     tried = tuple(w.name for w in proposed)
     known = predictive if np.isfinite(predictive) else None
-    return MissingForce(terms, gain, known, explained, tried, _words(terms, tried, gain, predictive))
+    own = set(model.vehicle.coef) if ahead else set()
+    return MissingForce(terms, gain, known, explained, tried, _words(terms, tried, gain, predictive, own))
 
 
 def _regress(
@@ -258,8 +265,13 @@ def _prime(vehicle: Vehicle, column: LibraryColumn, value: float) -> float | Non
 
 
 def _words(
-    terms: Sequence[MissingForceTerm], tried: Sequence[str], gain: float, predictive: float
+    terms: Sequence[MissingForceTerm],
+    tried: Sequence[str],
+    gain: float,
+    predictive: float,
+    own: Collection[str] = (),
 ) -> tuple[str, ...]:
+    """The finding in words; `own` are rows of the vehicle file where all runs go ahead."""
     if not terms:
         if not tried:
             return ("No term of the library is kept in most bootstrap draws of the missing force.",)
@@ -272,11 +284,20 @@ def _words(
     out = []
     for t in terms:
         form = t.expression.replace("*", " ")
-        kind = "a change of the vehicle's own row" if t.in_model else "a row the vehicle lacks"
+        twin = AHEAD_THE_SAME.get(t.name)
+        if t.in_model or twin in own:
+            kind = f"a change of the vehicle's own {'row' if t.in_model else f'{twin} as it goes ahead'}"
+        else:
+            kind = "a row the vehicle lacks"
         text = (
             f"The missing {'force' if t.axis in 'XYZ' else 'moment'} in {t.axis} goes as {form}: {t.name} = "
             f"{digits(t.value, 4)} ± {digits(t.sd, 2)} {t.unit}, {kind}, worth {t.gain:.1f} nats"
         )
+        if drives(t.name, t.value):
+            text += (
+                "; it drives the motion: beside the rows of the file it fits what these runs reach, and "
+                "beyond that a simulator with it may diverge"
+            )
         if t.rivals:
             text += f"; these runs cannot tell it from {', '.join(t.rivals)}"
         out.append(text + ".")

@@ -1,7 +1,8 @@
-"""What steers a vehicle, all of it as one rudder, and the sign of its angles in a log.
+"""What steers a vehicle, all of it as one rudder, and whether it steers as the log has it.
 
-Takes a model and runs. Gives columns, a run with a rudder, the mistake of angles that all count the other
-way, and whether the runs show that they do not. Does not: ask actuators of which one alone is reversed.
+Takes a model and runs. Gives columns, a run with a rudder, the mistake of angles that all count the other way
+or of thrusters of the two sides exchanged, and whether the runs show that it is none. Does not: ask actuators
+of which one alone is reversed.
 """
 
 from __future__ import annotations
@@ -25,20 +26,23 @@ from bayesid.words import and_list
 RUDDER = ("delta_r",)
 TURNING = ("azimuth_", "nozzle_")  # columns of the angle of a thrust
 WORDS = {"delta": "rudder", "azimuth": "azimuth", "nozzle": "nozzle"}
+SIDES = "n_"  # columns of revolutions of thrusters that steer by their difference
+ALIKE = 0.05  # of their arm, by which thrusters of the two sides may differ in place and direction
+FULL = 0.5  # rudder angle [rad] that stands for thrust ahead on one side at the usual revolutions
 
 
 def steering(model: Model) -> tuple[str, ...]:
     """What turns a vehicle: its rudder, or where it has none the named ones that push sideways, or where it
-    has none of these either the angles of thrusts off the centre."""
+    has none of these either the angles of thrusts off the centre, or else thrusters of the two sides."""
     if "delta_r" not in missing_actuators(model.vehicle):
         return RUDDER
     fins = tuple(f"delta_{name}" for name in named_rudders(model.vehicle))
-    return fins or tuple(_thrusts(model)) or RUDDER
+    return fins or tuple(_thrusts(model)) or tuple(_sides(model)) or RUDDER
 
 
 def steers_by_thrust(columns: Sequence[str]) -> bool:
-    """Whether columns of `steering` are angles of thrusts."""
-    return any(name.startswith(TURNING) for name in columns)
+    """Whether columns of `steering` are angles or revolutions of thrusts."""
+    return any(name.startswith((*TURNING, SIDES)) for name in columns)
 
 
 def with_rudder(model: Model, run: Run, columns: Sequence[str]) -> Run:
@@ -46,7 +50,7 @@ def with_rudder(model: Model, run: Run, columns: Sequence[str]) -> Run:
     the vehicle; one near the centre, which hardly turns it, is left out."""
     run = replace(run, commands=spread(model.vehicle, run.commands, run.measured_inputs))
     side = {f"delta_{fin.name}": side_of(fin, model.scales["L"]) for fin in model.vehicle.fins}
-    thrusts = _thrusts(model)
+    thrusts, sides = _thrusts(model), _sides(model)
     orders = []
     for name in columns:
         angle = run.input(name)
@@ -57,6 +61,9 @@ def with_rudder(model: Model, run: Run, columns: Sequence[str]) -> Run:
             revolutions = run.input(pusher.signal)
             ahead = 1.0 if revolutions is None else np.sign(revolutions)
             orders.append(turning * ahead * np.sin(angle))
+        elif name in sides:
+            share = angle / (model.vehicle.rpm_ref or 100.0)
+            orders.append(FULL * sides[name][0] * share * np.abs(share))
         elif side.get(name):
             orders.append(side[name] * angle)
     if not orders:
@@ -65,7 +72,16 @@ def with_rudder(model: Model, run: Run, columns: Sequence[str]) -> Run:
 
 
 def sign_of_steering(columns: Sequence[str]) -> Mistake:
-    """All angles that steer a vehicle, named ones, with the opposite sign."""
+    """All angles that steer a vehicle, named ones, with the opposite sign; or thrusters of the two sides in
+    place of each other."""
+    if columns[0].startswith(SIDES):
+        pairs = list(zip(columns[::2], columns[1::2], strict=True))
+        return Mistake(
+            "port and starboard thrusters exchanged",
+            f"thrusters {_names(columns)} are exchanged, or `at` in the vehicle file has them so",
+            Correction(exchange=tuple((a + end, b + end) for a, b in pairs for end in ("", "_cmd"))),
+            COMMON,
+        )
     many = len(columns) > 1
     kinds = dict.fromkeys(WORDS[name.partition("_")[0]] for name in columns)
     stated = "`at`" if steers_by_thrust(columns) else "`direction`"
@@ -86,8 +102,12 @@ def steering_shown(model: Model, runs: Sequence[Run]) -> str:
         return ""
     told = [sign_evidence(with_rudder(model, run, columns), ("rudder",)) for run in runs]
     lead = sum(one.get("rudder", 0.0) - one.get("rudder against", 0.0) for one in told)
+    if not lead > SOME_RUNS:
+        return ""
+    if columns[0].startswith(SIDES):
+        return f"sides of thrusters {_names(columns)}"
     kinds = dict.fromkeys(WORDS[name.partition("_")[0]] for name in columns)
-    return f"sign of the {' and '.join(kinds)} angles of {_names(columns)}" if lead > SOME_RUNS else ""
+    return f"sign of the {' and '.join(kinds)} angles of {_names(columns)}"
 
 
 def _names(columns: Sequence[str]) -> str:
@@ -104,3 +124,30 @@ def _thrusts(model: Model) -> dict[str, tuple[float, Pusher]]:
         if angles and abs(arm) > NEAR_CENTRE * model.vehicle.L:
             out[angles[0]] = -math.copysign(1.0, arm), pusher
     return out
+
+
+def _sides(model: Model) -> dict[str, tuple[float, Pusher]]:
+    """Column of the revolutions of each thruster that has its like on the other side, pair by pair -> 1 where
+    it turns the vehicle to port as it pushes ahead, -1 to starboard; and whose it is."""
+    left = [one for one in model.vehicle.thrusters if _arm(one)]
+    out: dict[str, tuple[float, Pusher]] = {}
+    while left:
+        one = left.pop(0)
+        near = ALIKE * abs(_arm(one))
+        like = next((other for other in left if _mirrors(one, other, near)), None)
+        if like is not None and abs(_arm(one)) > NEAR_CENTRE * model.vehicle.L:
+            left.remove(like)
+            out |= {each.signal: (-math.copysign(1.0, _arm(each)), each) for each in (one, like)}
+    return out
+
+
+def _arm(one: Pusher) -> float:
+    """Moment to starboard of a thrust of one [m]."""
+    return one.at[0] * one.direction[1] - one.at[1] * one.direction[0]
+
+
+def _mirrors(one: Pusher, other: Pusher, near: float) -> bool:
+    """Whether two thrusters stand on the two sides, and push alike but for that."""
+    places = math.dist((one.at[0], -one.at[1], one.at[2]), other.at)
+    towards = math.dist((one.direction[0], -one.direction[1], one.direction[2]), other.direction)
+    return places < near and towards < ALIKE

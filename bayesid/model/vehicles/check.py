@@ -42,6 +42,7 @@ NEGATIVE = {
         ),
         *("M_q", "M_q|q|", "M_q0", "N_r", "N_r|r|", "N_r0", "N_|v|r", "M_|w|q"),
     ),
+    "damping by the cube": ("Y_vvv", "Z_www", "K_ppp", "M_qqq", "N_rrr"),
     "resistance ahead": ("X_0,U",),
     "drag of a deflected fin": ("X_drdr", "X_dsds", "X_dbdb"),
     "yaw moment of a stern rudder, positive to port": ("N_dr",),
@@ -72,6 +73,11 @@ class Finding:
     text: str
     rows: tuple[str, ...] = ()
     by_sign: bool = False
+
+
+def drives(row: str, value: float) -> bool:
+    """Whether a row of damping has the sign with which it drives the motion it should damp."""
+    return value > 0.0 and any(row in names for meaning, names in NEGATIVE.items() if "damping" in meaning)
 
 
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
@@ -162,7 +168,7 @@ def _signs(vehicle: Vehicle) -> list[Finding]:
 
 def _propulsion(vehicle: Vehicle) -> list[Finding]:
     """Does the boat hold its own reference speed?"""
-    found = []
+    found = _same_place(vehicle)
     p = vehicle.propulsion
     drag_rows = [name for name in ("X_uu", "X_u|u|", "X_u0") if vehicle.coef.get(name)]
     if MODELS[p.model].holds_drag and drag_rows:
@@ -189,6 +195,18 @@ def _propulsion(vehicle: Vehicle) -> list[Finding]:
     if not 0.005 < lengths < 5.0:
         text = f"reference speed {speed:.4g} m/s is {lengths:.3g} lengths per second, outside 0.005 to 5"
         found.append(Finding("warning", text))
+    return found
+
+
+def _same_place(vehicle: Vehicle) -> list[Finding]:
+    """Thrusters that push from one place in one direction: a table that was copied and not changed."""
+    found, seen = [], dict[tuple[float, ...], str]()
+    for one in vehicle.thrusters:
+        key = (*one.at, *one.direction)
+        if first := seen.get(key):
+            text = f"thrusters {first} and {one.name} push from the same place in the same direction"
+            found.append(Finding("warning", f"{text}: is the `at` of one a copy?"))
+        seen.setdefault(key, one.name)
     return found
 
 
