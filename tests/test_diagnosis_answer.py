@@ -844,6 +844,24 @@ def test_causes_with_the_probability_of_a_name_are_told_with_why_they_have_none(
     )
 
 
+def test_of_several_that_act_the_only_one_with_a_size_is_told_and_the_others_without_theirs():
+    """Offsets of -166 to 230 rpm stood beside a loss of thrust of 21 % as if they were as sure."""
+    found = two_that_act({"propeller_torque": "probability", "trim_weight": "size"}, acting=(0.86, 0.73))
+    told = answer(found)
+    assert (
+        told.headline.startswith("More likely than not ") and "(0.86); what acts beside it" in told.headline
+    )
+    assert told.headline.endswith("the size of trim weight may be none.")
+    assert not any("Trim weight: probability" in line for line in told.certainty)
+    both = two_that_act(
+        dict.fromkeys(("propeller_torque", "trim_weight"), "probability"), acting=(0.86, 0.73)
+    )
+    assert answer(both).headline.startswith("Several things act together")
+    assert any("Trim weight: probability" in line for line in answer(both).certainty)
+    less = two_that_act({"propeller_torque": "probability", "trim_weight": "size"}, acting=(0.45, 0.73))
+    assert answer(less).headline.startswith("Several things act together")
+
+
 def test_sizes_of_several_that_are_not_named_stand_on_the_first_screen_with_their_intervals():
     found = two_that_act(dict.fromkeys(("propeller_torque", "trim_weight"), "form"))
     said = answer(found).certainty

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bayesid.diagnosis.cannot_tell import MOST_RIVALS, WORTH_A_WORD, cannot_tell, leading_cause, to_tell_apart
+from bayesid.diagnosis.cannot_tell import (
+    MOST_RIVALS,
+    SIZELESS,
+    WORTH_A_WORD,
+    cannot_tell,
+    leading_cause,
+    to_tell_apart,
+)
 from bayesid.diagnosis.event_words import rudder_off, unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
@@ -330,7 +337,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
     if result.rule == NONE_SURE and len(explanation(result)) > 1:  # sizes are those of the explanation
-        told = [e for e in result.effects if e.name in explanation(result) and intervals(e)]
+        known = [n for n in explanation(result) if result.unnamed.get(n) not in SIZELESS]
+        told = [e for e in result.effects if e.name in known and intervals(e)]
         out += [_how_sure(e, "as the explanation has it, ") for e in told]
     said = explanation(result) if result.verdict in NAMING else ()
     other = [(n, p) for n, p in rivals(result) if n not in said]

@@ -20,6 +20,7 @@ from bayesid.words import and_list
 MOST_RIVALS, POSSIBLE = 4, 0.05
 # Hypotheses from this probability on are named as what else it could be.
 WORTH_A_WORD = 0.01
+SIZELESS = ("size", "range")  # why an effect is not named, of those whose size may as well be none
 
 
 def cannot_tell(result: Result) -> str:
@@ -67,9 +68,24 @@ def cannot_tell(result: Result) -> str:
         return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
     if held_back(result):
         return _act_unnamed(result, chances, alone)
+    if result.together > EVEN_ODDS and (first := only_sized(result)) is not None:
+        others = and_list(_outside(n) for n, _ in chances if n != first.name)
+        said = f"{lowered(sentence(first).rstrip('.'))} ({probability(dict(chances)[first.name])})"
+        beside = f"what acts beside it is not told: the size of {others} may be none"
+        return f"More likely than not {said}; {beside}{alone}."
     if result.together > EVEN_ODDS:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
     return f"These runs cannot tell which it is: {listed}{alone}{pairs}."
+
+
+def only_sized(result: Result) -> Effect | None:
+    """Of several causes that act together the only one whose size is told from none, where it is more
+    probable than not."""
+    chances = dict(_chances(result))
+    sized = [n for n in chances if result.unnamed.get(n) not in SIZELESS]
+    if len(sized) != 1 or len(chances) < 2 or not chances[sized[0]] > EVEN_ODDS:
+        return None
+    return next((e for e in result.effects if e.name == sized[0] and e.parameters), None)
 
 
 def held_back(result: Result) -> bool:
