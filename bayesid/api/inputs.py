@@ -95,7 +95,8 @@ def compiling_words(model: Model) -> str:
     """That the equations of this kind of vehicle are compiled first; empty where they are."""
     if model.kernel.compiled:
         return ""
-    time = "10 to 30 seconds" if model.dof == 3 else "1 to 3 minutes"
+    planar = "half a minute to a minute" if model.vehicle.actuators else "10 to 30 seconds"
+    time = planar if model.dof == 3 else "1 to 3 minutes"
     return (
         f"equations: compiled for this kind of vehicle, once per machine (about {time}, in the first steps)"
     )
