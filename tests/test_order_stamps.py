@@ -30,6 +30,7 @@ from bayesid.simulation.actuation import mean_positions
 from bayesid.trials import Run, Trial, load_trial, write_trial
 from bayesid.trials.averaging import averaged
 from bayesid.trials.correction import Correction, apply
+from bayesid.trials.health import check_runs
 
 EFFECTS = {e.name: e for e in CATALOGUE}
 DELAY = "actuator_dead_time.delay"
@@ -56,21 +57,31 @@ def switched(run, delay):
 
 
 @pytest.mark.parametrize("vehicle", ["remus100", "generic_sub"])
-@pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.2, 0.33, -0.07])
+@pytest.mark.parametrize(
+    ("even", "delay"),
+    [
+        *((False, delay) for delay in (0.0, 0.03, 0.1, -0.07)),
+        *((True, delay) for delay in (0.03, 0.2, 0.33, 0.85, -0.07, -0.45)),
+    ],
+)
 def test_an_order_that_acts_before_its_row_moves_the_vehicle_as_one_with_a_row_where_it_switches(
-    vehicle, delay
+    vehicle, even, delay
 ):
-    """On stamps that are not even [L/U], with a servo that runs at its rate and with one that does not."""
+    """Rows 0.2 apart and uneven ones [L/U], with a servo that runs at its rate and with one that does not."""
     rng = np.random.default_rng(0)
     model = build_model(load_vehicle(vehicle), 3)
     unit = model.scales["L"] / model.scales["U"]
-    t = unit * np.cumsum(rng.uniform(0.1, 0.3, 60))
+    t = unit * (0.2 * np.arange(60) if even else np.cumsum(rng.uniform(0.1, 0.3, 60)))
     order = np.repeat(rng.uniform(-0.3, 0.3, 12), 5)
     run = replace(
         run_of(t, order), commands={"delta_r_cmd": order, "n_cmd": np.full(60, model.vehicle.rpm_ref)}
     )
     found = apply(Correction(late={"delta_r_cmd": unit * delay}), run)
-    assert np.array_equal(found.t, t) and np.array_equal(found.commands["delta_r_cmd"], order)
+    up = int(np.floor(delay / 0.2 + 1e-6)) if even else 0  # rows move by whole ones, the plan by the rest
+    rows = np.clip(np.arange(60) + up, 0, 59)
+    assert np.array_equal(found.t, t) and np.array_equal(found.commands["delta_r_cmd"], order[rows])
+    rest = delay - 0.2 * up
+    assert found.acts_before.get("delta_r_cmd", 0.0) == pytest.approx(unit * rest, abs=1e-9)
     other, own = switched(run, unit * delay)
     start = np.zeros(len(model.states))
     start[model.states.index("u")] = model.scales["U"]
@@ -102,12 +113,56 @@ def test_how_much_earlier_orders_act_adds_up_and_goes_with_name_and_clock():
     once = apply(Correction(late={"delta_r_cmd": 0.1, "psi": 0.3}), run)
     assert once.acts_before == {"delta_r_cmd": 0.1} and once.digest != run.digest
     twice = apply(Correction(late={"delta_r_cmd": 0.05, "n_cmd": -0.1}, time_scale=2.0), once)
-    assert twice.acts_before == {"delta_r_cmd": pytest.approx(0.3), "n_cmd": pytest.approx(-0.2)}
+    assert twice.acts_before == {"delta_r_cmd": pytest.approx(0.3), "n_cmd": pytest.approx(0.2)}
     assert apply(Correction(late={"delta_r_cmd": -0.1}), once).acts_before == {}
     renamed = apply(Correction(rename={"delta_r_cmd": "delta_s_cmd"}), once)
     assert renamed.acts_before == {"delta_s_cmd": 0.1}
     assert apply(Correction(exchange=(("delta_r_cmd", "n_cmd"),)), once).acts_before == {"n_cmd": 0.1}
     assert apply(Correction(drop=("delta_r_cmd",)), once).acts_before == {}
+    assert (
+        apply(Correction(rename={"delta_r_cmd": "delta_r"}), once).acts_before == {}
+    )  # what is measured is not late
+
+
+@pytest.mark.parametrize("late", [1.0, 2.0, 2.07])
+def test_an_order_logged_seconds_late_is_read_where_it_acts_by_checks_and_measures_too(late):
+    """The sign of the rudder and the overshoots of a zig-zag are read off the rows."""
+    model = build_model(load_vehicle("remus100"), 3)
+    noise = {"x": 0.05, "y": 0.05, "psi": 0.003, "r": 0.002, "u": 0.004, "v": 0.004}
+    orders = ("zigzag:13/13", "zigzag:10/10,rpm=1200")
+    right = simulate_model(model, "remus100", orders, 0.2, None, None, noise, 3).runs
+    rows = int(late / 0.2 + 1e-9)
+
+    def behind(run):
+        held = np.append(
+            np.repeat(run.commands["delta_r_cmd"][:1], rows), run.commands["delta_r_cmd"][:-rows]
+        )
+        return replace(run, commands=run.commands | {"delta_r_cmd": held})
+
+    logged = [behind(run) for run in right]
+    assert bool(check_runs(logged)) == (late >= 2.0) and not check_runs(right)
+    mended = [apply(Correction(late={"delta_r_cmd": late}), run) for run in logged]
+    assert not check_runs(mended)
+    for run, was in zip(mended, right, strict=True):
+        np.testing.assert_array_equal(
+            run.commands["delta_r_cmd"][:-rows], was.commands["delta_r_cmd"][:-rows]
+        )
+
+
+def test_when_an_order_is_first_known_moves_with_its_rows():
+    t, order = 0.2 * np.arange(20), np.where(np.arange(20) < 10, 0.1, 0.2)
+    run = replace(run_of(t, order), known_from={"delta_r_cmd": 1.4})
+    assert apply(Correction(late={"delta_r_cmd": 0.07}), run).known_from == {"delta_r_cmd": 1.4}
+    assert apply(Correction(late={"delta_r_cmd": 0.5}), run).known_from == {"delta_r_cmd": pytest.approx(1.0)}
+
+
+def test_uneven_rows_of_an_order_logged_rows_late_move_to_where_it_acts():
+    t = np.cumsum(np.random.default_rng(0).uniform(0.1, 0.3, 60))
+    order = np.repeat(np.arange(12.0), 5)
+    found = apply(Correction(late={"delta_r_cmd": 1.0}), run_of(t, order))
+    at = np.searchsorted(t, t + 1.0 + 0.02, side="right") - 1
+    assert np.array_equal(found.commands["delta_r_cmd"], order[at])
+    assert found.acts_before == {"delta_r_cmd": pytest.approx(0.5 * np.median(np.diff(t)))}
 
 
 @pytest.mark.parametrize("concerned", [(), ("r2",)])
@@ -157,7 +212,8 @@ def test_orders_between_stamps_act_earlier_and_the_trial_says_how_to_keep_it():
     _, text = between_stamps(trial, step_of(trial), np.nan)  # a size of a fit that did not arrive
     assert "late = { delta_r_cmd = 0.1 }" in text
     whole, text = between_stamps(trial, step_of(trial), 0.9)  # more is no matter of stamps
-    assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].acts_before == {"delta_r_cmd": 0.2}
+    assert "late = { delta_r_cmd = 0.2 }" in text and whole.runs[0].acts_before == {}
+    assert np.array_equal(whole.runs[0].commands["delta_r_cmd"], np.append(order[1:], order[-1]))
 
 
 def with_best(*effects, evidence=0.0, named=(), word="effect", none=0.0):
@@ -302,7 +358,7 @@ def test_orders_that_act_early_are_read_so_once_more_and_kept_where_that_explain
     monkeypatch, gains, interval
 ):
     """As logged, averaged or thinned: rows and readings are the same ones."""
-    trial, model = logged_every(0.2, 0.2)
+    trial, model = logged_every(0.02, 0.02)
     asked = []
 
     def diagnose(of, model, seed):
@@ -311,15 +367,21 @@ def test_orders_that_act_early_are_read_so_once_more_and_kept_where_that_explain
 
     monkeypatch.setattr(of_log, "diagnose", diagnose)
     monkeypatch.setattr(of_log, "as_read", partial(as_read, resample=interval))
-    monkeypatch.setattr(of_log, "acts_before_its_stamp", lambda found: 0.07)
+    monkeypatch.setattr(of_log, "acts_before_its_stamp", lambda found: 0.015)
     monkeypatch.setattr(of_log, "better", lambda one, other: gains)
     found, checked = diagnose_log(trial, model, seed=4)
     first, second = asked
+    assert all(
+        run.provenance[-1].startswith("averaged" if interval is None else "resampled") for run in first.runs
+    )
     assert found.of is (second if gains else first) and found.seed == 4 and not checked.findings
     for one, other in zip(first.runs, second.runs, strict=True):
-        assert one.acts_before == {} and other.acts_before == {"delta_r_cmd": 0.07, "n_cmd": 0.07}
+        restless = set(other.commands) - set(other.acts_before)  # at means from when they act
+        assert one.acts_before == {} and all(s == 0.015 for s in other.acts_before.values())
+        assert "n_cmd" not in restless and (interval is None or not restless)
         assert np.array_equal(one.t, other.t)
         assert np.array_equal(one.data["psi"], other.data["psi"], equal_nan=True)
-        assert np.array_equal(one.commands["delta_r_cmd"], other.commands["delta_r_cmd"])
-    assert any("read 0.07 s earlier" in text for text in second.warnings)
+        same = np.array_equal(one.commands["delta_r_cmd"], other.commands["delta_r_cmd"])
+        assert same == ("delta_r_cmd" not in restless)
+    assert any("read 0.015 s earlier" in text for text in second.warnings)
     assert set(first.warnings) < set(second.warnings)

@@ -162,12 +162,14 @@ def plan_trial_run(model: Model, run: Any, max_step: float | None = None, longer
 
 def _sooner(model: Model, acts_before: Mapping[str, float], measured: Mapping[str, Array]) -> Array:
     """(na,) time [s] by which commands act before their samples; one of several actuators is that of each."""
-    own = dict(acts_before)
+    own = {name.removesuffix("_cmd"): s for name, s in acts_before.items()}
+    orders: dict[str, list[float]] = {}  # a fin of an X obeys two: they act at the mean of their times
     for common, signs in together(model.vehicle).items():
-        if f"{common}_cmd" in acts_before:
-            own |= {f"{name}_cmd": acts_before[f"{common}_cmd"] for name in signs if f"{name}_cmd" not in own}
+        for name in signs:
+            orders.setdefault(name, []).append(own.get(common, 0.0))
+    own = {name: float(np.mean(times)) for name, times in orders.items()} | own
     names = model.kernel.actuators
-    return np.array([0.0 if name in measured else own.get(f"{name}_cmd", 0.0) for name in names])
+    return np.array([0.0 if name in measured else own.get(name, 0.0) for name in names])
 
 
 def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float, float]:

@@ -25,6 +25,10 @@ _GROUP = {
     "pose": "data", "velocity": "data", "command": "commands", "actuator": "measured_inputs",
     "propulsion": "propulsion", "environment": "exogenous",
 }  # fmt: skip
+CORRECTED = "corrected:"  # begins the provenance of a run that corrections were applied to
+# Part of a step by which rows may lie off it, and part of the rows that may not.
+UNEVEN, MOSTLY = 0.1, 0.9
+SAME_ROW = 1e-6  # of a usual step: times so near to each other are one
 TEXTS = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth"), "wind": READINGS}
 WIND = frozenset({"wind_speed", "wind_from"})
 MOTION = frozenset({"x", "y", "psi", "u", "v"})  # of which the true wind is made of an apparent one
@@ -150,7 +154,10 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, delay in correction.late.items():
         if name in series and channel(name).kind != "command":
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
-    t, began, known_from = run.t, run.began, _known_from(correction, run)
+    sooner = _sooner(correction, run, series)
+    for name, (whole, _) in sooner.items():
+        series[name] = _rows_up(run.t, series[name], whole)
+    t, began, known_from = run.t, run.began, _known_from(correction, run, sooner)
     if correction.time_scale != 1.0:
         t = t[0] + (t - t[0]) * correction.time_scale
         began = None if began is None else float(t[0] + (began - t[0]) * correction.time_scale)
@@ -161,27 +168,56 @@ def apply(correction: Correction, run: Run) -> Run:
     groups: dict[str, Any] = {group: {} for group in set(_GROUP.values())}
     for name, values in series.items():
         groups[_GROUP[channel(name).kind]][name] = values
-    note = "corrected: " + "; ".join(correction.lines())
+    note = f"{CORRECTED} " + "; ".join(correction.lines())
     provenance = (*run.provenance, note)
+    before = {name: correction.time_scale * s for name, (_, s) in sooner.items() if s}
     return replace(
-        run, t=t, began=began, known_from=known_from, acts_before=_acts_before(correction, run, series),
-        provenance=provenance, **groups,
-    )  # fmt: skip
+        run, t=t, began=began, known_from=known_from, acts_before=before, provenance=provenance, **groups
+    )
 
 
-def _known_from(correction: Correction, run: Run) -> dict[str, float]:
-    """When inputs are first known [s], by the names and on the clock that the correction gives them."""
+def _known_from(
+    correction: Correction, run: Run, sooner: Mapping[str, tuple[float, float]]
+) -> dict[str, float]:
+    """When inputs are first known [s], by the names and on the clock that the correction gives them; those of
+    orders move with their rows."""
     known = _renamed(correction, run.known_from)
-    return {name: at - correction.late.get(name, 0.0) for name, at in known.items()}
+    moved = dict(correction.late) | {name: whole for name, (whole, _) in sooner.items()}
+    return {name: at - moved.get(name, 0.0) for name, at in known.items()}
 
 
-def _acts_before(correction: Correction, run: Run, series: Iterable[str]) -> dict[str, float]:
-    """By how much orders act before their rows [s], those that are `late` by that more."""
-    known = _renamed(correction, run.acts_before)
+def _sooner(correction: Correction, run: Run, series: Mapping[str, Floats]) -> dict[str, tuple[float, float]]:
+    """Order -> time [s] by which it acts before its rows, known and `late` together: by what its rows move,
+    and the rest, which is less than one.
+
+    Rows that are not even move to where they act, which is half a row late in the mean.
+    """
+    total = _renamed(correction, run.acts_before)
     for name, late in correction.late.items():
-        if name in series and channel(name).kind == "command":
-            known[name] = known.get(name, 0.0) + late
-    return {name: correction.time_scale * s for name, s in known.items() if s}
+        total[name] = total.get(name, 0.0) + late
+    steps = np.diff(run.t) if run.n_samples > 1 else np.array([math.inf])
+    step = float(np.median(steps))
+    even = math.isfinite(step) and np.mean(np.abs(steps - step) < UNEVEN * step) > MOSTLY
+    out = {}
+    for name, time in total.items():
+        if name not in series or channel(name).kind != "command":
+            continue
+        if even:
+            whole = step * math.floor(time / step + SAME_ROW)
+            rest = time - whole
+        else:
+            whole, rest = (0.0, time) if abs(time) < step else (time, 0.5 * step)
+        out[name] = whole, 0.0 if abs(rest) < SAME_ROW * step else rest
+    return out
+
+
+def _rows_up(t: Floats, values: Floats, whole: float) -> Floats:
+    """An order at the rows from which it holds, those so much later than each."""
+    if not whole:
+        return values
+    near = UNEVEN * float(np.median(np.diff(t)))  # stamps jitter
+    at = np.searchsorted(t, t + whole + near, side="right") - 1
+    return np.asarray(values[np.clip(at, 0, t.size - 1)])
 
 
 def _renamed(correction: Correction, known: Mapping[str, float]) -> dict[str, float]:

@@ -106,8 +106,8 @@ class Run:
         its first sample
     known_from : input -> time of its first value [s], of those without one at the beginning; before it that
         value stands
-    acts_before : order -> time [s] by which it acts before the row that holds it, as one does that changed
-        since the row before; row k then holds from t_k less that
+    acts_before : order -> time [s], up to a usual step, by which it acts before the row that holds it, as
+        one does that changed since the row before; row k then holds from t_k less that
     digest : SHA-256 of everything above but warnings, notes and `known_from`, made when it is first asked for
     """
 

@@ -24,20 +24,20 @@ from bayesid.diagnosis.threshold_table import LINEARISATION_SCATTER
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
-from bayesid.trials.correction import Correction, apply
+from bayesid.trials.correction import CORRECTED, MOSTLY, UNEVEN, Correction, apply
 
 if TYPE_CHECKING:
     from bayesid.diagnosis.run import Diagnosis
 
 
-# Part of a step by which rows may lie off it, and part of the rows that may not.
-UNEVEN, MOSTLY = 0.1, 0.9
-
-
 def step_of(logged: Trial) -> float | None:
     """Time between two rows of the log [s]; None where runs differ, or rows of one, or where it is said when
     orders act."""
-    if any(run.acts_before for run in logged.runs):
+    if any(
+        text.startswith(CORRECTED) and "late" in text and any(name in text for name in run.commands)
+        for run in logged.runs
+        for text in run.provenance
+    ):
         return None
     steps = [float(np.median(np.diff(run.t))) for run in logged.identify]
     even = all(

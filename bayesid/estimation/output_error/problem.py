@@ -312,6 +312,6 @@ class FitProblem:
         for run in self.runs:
             hashed.update(f"{run.name}|{run.channels}|{run.initial}".encode())
             arrays = (run.readings, run.sigma, run.x0, run.initial_sd, run.plan.t, run.plan.steps)
-            for array in (*arrays, run.plan.command, run.plan.exogenous):
+            for array in (*arrays, run.plan.command, run.plan.exogenous, run.plan.sooner):
                 hashed.update(np.ascontiguousarray(array, dtype=float).tobytes())
         return hashed.hexdigest()[:16]
