@@ -162,17 +162,22 @@ def test_the_block_of_the_record_is_what_the_schema_states():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "ahead", "says", "not_said"),
+    ("name", "value", "in_model", "ahead", "kind", "drives"),
     [
-        ("N_rrr", 1103.0, True, "it drives the motion", "own"),
-        ("N_rrr", -1103.0, True, "a row the vehicle lacks", "drives"),
-        ("X_uu", 13.6, True, "a change of the vehicle's own X_u|u| as it goes ahead", "lacks"),
-        ("X_uu", -13.6, False, "a row the vehicle lacks", "own"),
+        ("N_rrr", 1103.0, False, True, "a row the vehicle lacks", True),
+        ("N_rrr", -1103.0, False, True, "a row the vehicle lacks", False),
+        ("X_uu", 13.6, False, True, "a change of the vehicle's own X_u|u| as it goes ahead", False),
+        ("X_uu", 16.0, False, True, "a change of the vehicle's own X_u|u| as it goes ahead", True),
+        ("X_uu", -13.6, False, False, "a row the vehicle lacks", False),
+        ("N_r", 5.0, True, True, "a change of the vehicle's own row", False),
+        ("N_r", 15.0, True, True, "a change of the vehicle's own row", True),
     ],
 )
-def test_a_row_that_drives_the_motion_and_one_the_file_has_by_another_name_are_said_so(
-    name, value, ahead, says, not_said
+def test_a_row_that_drives_the_motion_and_one_the_file_has_are_said_so(
+    name, value, in_model, ahead, kind, drives
 ):
-    term = MissingForceTerm(name, name[0], "r*r*r", False, value, 60.0, "kg m^2 s", 0.9, 166.0, ())
-    said = missing_force._words((term,), (name,), 166.0, 20.0, {"X_u|u|", "N_r"} if ahead else ())[0]
-    assert says in said and not_said not in said
+    """The file has X_u|u| = -15.5 and N_r = -10: what counts is the sum."""
+    term = MissingForceTerm(name, name[0], "r", in_model, value, 60.0, "kg m^2 s", 0.9, 166.0, ())
+    own = {"X_u|u|": -15.5, "N_r": -10.0}
+    said = missing_force._words((term,), (name,), 166.0, 20.0, own, ahead)[0]
+    assert f", {kind}, worth" in said and ("it drives the motion" in said) == drives

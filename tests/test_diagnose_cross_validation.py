@@ -13,11 +13,12 @@ from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.hypotheses.cross_validation import (
     CrossValidation,
     agreement,
+    between_runs,
     disagreement,
     excess_where_apart,
     left_out,
     log_odds_over_runs,
-    scatter_between_runs,
+    of_single_runs,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
 from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities, told
@@ -416,16 +417,23 @@ def test_the_scatter_of_a_size_from_run_to_run_is_what_was_planted(planted):
         for size in 1.5 + planted * rng.normal(size=6):
             columns = rng.normal(size=(80, 2))
             runs.append((columns @ [0.7, size] + rng.normal(size=80), columns))
-        found.append(scatter_between_runs(grams(runs), 1))
+        found.append(between_runs(*of_single_runs(grams(runs), 1)))
     squares = np.square(found)
     error = squares.std() / np.sqrt(squares.size)
     if planted == 0.0:
         assert np.mean(squares == 0.0) > 0.3 and squares.mean() < 0.01  # 1/80 is the variance of a size
     else:
         assert abs(squares.mean() - planted**2) < 4.0 * error
+    # what a run asks for is its own regression on what the common slope leaves
+    size, covariance = of_single_runs(grams(runs), 1)
+    slopes = np.linalg.lstsq(
+        np.block([[c[:, :1], *(c[:, 1:] * (k == m) for m in range(6))] for k, (_, c) in enumerate(runs)]),
+        np.concatenate([e for e, _ in runs]), rcond=None,
+    )[0]  # fmt: skip
+    assert size == pytest.approx(slopes[1:], abs=5e-3) and np.all(np.diag(covariance) < 0.05)
     one, *others = grams(runs)
     silent = [replace(e, ss=0.0 * e.ss, se=0.0 * e.se) for e in others]
-    assert scatter_between_runs((one, *silent), 1) == 0.0  # one run alone says nothing
+    assert between_runs(*of_single_runs((one, *silent), 1)) == 0.0  # one run alone says nothing
 
 
 @pytest.mark.thorough
@@ -449,3 +457,8 @@ def test_a_rudder_offset_of_some_runs_only_fails_a_check_and_one_of_all_does_not
         found = diagnose(trial, model, plan_next=False).result
         assert found.explanation == ("rudder_offset",)
         assert any("disagree about the size of rudder offset" in text for text in failures(found)) == fails
+        runs = found.run_sizes["rudder_offset"].sizes["rudder_offset.offset"]
+        assert len(runs) == 6
+        with_it = [name for k, name in enumerate(runs) if not fails or k % 2]
+        for name, size in runs.items():
+            assert abs(size.value - (0.03 if name in with_it else 0.0)) < 4.0 * size.sd + 0.004

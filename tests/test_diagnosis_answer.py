@@ -34,6 +34,7 @@ from bayesid.diagnosis.result_parts import (
     StretchFound,
     Value,
 )
+from bayesid.diagnosis.run_sizes import RunSizes
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.third_model import explained_words
@@ -241,21 +242,29 @@ def test_a_re_tuned_model_that_predicts_worse_stands_there_too_where_predictions
     assert failures(replace(found, retuning=Retuning(False, -0.1, 0.05, {}))) == ()
 
 
-@pytest.mark.parametrize(("scatter", "fails"), [(0.02, False), (0.1, False), (0.11, True), (0.4, True)])
-def test_runs_that_differ_in_size_fail_a_check_where_a_run_without_it_would_be_no_surprise(scatter, fails):
-    """A wind of 0.2 m/s along, 0.01 across: that it blows is told by the one that is told best."""
-    sizes = {"wind.V_north": Estimate(-0.2, 0.01), "wind.V_east": Estimate(0.01, 0.01)}
-    found = a_result(runs_agree=1e-6, size_scatter={"wind.V_north": scatter, "wind.V_east": 0.3})
-    found = replace(found, refits=(Refit(("wind",), 50.0, 1.0, True, sizes),))
+def sizes_by_run(share, absent, runs=3):
+    told = {f"r{k}": Estimate(0.2, 0.01) for k in range(runs)}
+    return RunSizes({"wind.V_north": told}, {"wind.V_north": 0.2 * share}, share, absent)
+
+
+@pytest.mark.parametrize(("share", "absent"), [(0.1, False), (0.0, False), (0.6, True)])
+def test_runs_that_differ_in_size_fail_a_check_where_a_run_without_it_would_be_no_surprise(share, absent):
+    found = a_result(runs_agree=1e-6, run_sizes={"wind": sizes_by_run(share, absent)})
     said = [text for text in failures(found) if "disagree about the size" in text]
     told = [text for text in answer(found).certainty if "From run to run the size differs" in text]
-    assert (bool(said), bool(told)) == (fails, not fails)
-    if fails:
+    assert (bool(said), bool(told)) == (absent, not absent)
+    if absent:
         assert "of wind: " in said[0] and "a run without it would be no surprise" in said[0]
     else:
-        assert f"by {100 * scatter / 0.2:.0f} % (wind)" in told[0]
+        by = "by 10 % (wind)" if share else "by less than 1 % (wind)"
+        assert by in told[0] and told[0].endswith("; the interval counts that.")
+        few = replace(found, run_sizes={"wind": sizes_by_run(share, absent, runs=2)})
+        assert any(text.endswith("(wind), one sd.") for text in answer(few).certainty)  # nothing widens two
     agreed = replace(found, runs_agree=0.2)
     assert not failures(agreed) and not any("From run to run" in t for t in answer(agreed).certainty)
+    two = replace(found, explanation=("wind", "steady_force"))  # of one of which nothing is known
+    assert any("disagree about the size of" in t and "steady force" in t for t in failures(two))
+    assert not any("From run to run" in text for text in answer(two).certainty)
 
 
 def test_what_the_runs_tell_apart_from_the_name_is_not_said_to_leave_its_trace():

@@ -9,13 +9,12 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
-from bayesid.diagnosis.hypotheses.probabilities import TWO_SIDED_95
 from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
 from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
-from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE, LEAST_RUNS
 from bayesid.model.terms import ADDED_MASSES
 from bayesid.places import NOWHERE, Places
 from bayesid.words import and_list, digits, first_few
@@ -57,12 +56,13 @@ def failures(result: Result) -> tuple[str, ...]:
         what = "With the explanation" if used else "Re-tuned"
         runs = first_few(lost, MOST_RUNS)
         out.append(f"{what}, the simulation of {runs} diverges: nothing can be predicted with it.")
-    varying = [n for n, share in scatter_shares(result).items() if share > 1.0 / TWO_SIDED_95]
-    if runs_disagree(result) and (varying or not result.size_scatter):
-        size = f"the size of {and_list(in_words(n) for n in varying)}" if varying else "its size"
+    varying = [n for n in used if n not in result.run_sizes or result.run_sizes[n].may_be_absent]
+    if runs_disagree(result) and varying:
+        size = f"the size of {and_list(in_words(n) for n in varying)}" if result.run_sizes else "its size"
         out.append(
             f"The runs disagree about {size}: that one and the same cause acts in all of them has "
-            f"p = {result.runs_agree:.1g}" + ("; a run without it would be no surprise." if varying else ".")
+            f"p = {result.runs_agree:.1g}"
+            + ("; a run without it would be no surprise." if result.run_sizes else ".")
         )
     if far := far_off(result):
         out.append(far)
@@ -86,29 +86,21 @@ def runs_disagree(result: Result) -> bool:
     )
 
 
-def scatter_shares(result: Result) -> dict[str, float]:
-    """Effect of the explanation -> by what share of its size single runs differ; of several sizes, the least:
-    an effect is there where one of them is."""
-    used = explanation(result)
-    refit = next((r for r in result.refits if set(r.effects) == set(used)), None)
-    sizes = {} if refit is None else {k: p.value for k, p in refit.parameters.items() if p.value}
-    out: dict[str, float] = {}
-    for key in sizes.keys() & result.size_scatter.keys():
-        name, share = key.split(".")[0], result.size_scatter[key] / abs(sizes[key])
-        out[name] = min(out.get(name, math.inf), share)
-    return dict(sorted(out.items()))
-
-
 def run_to_run(result: Result) -> str:
     """A sentence where runs that agree about what acts ask for different sizes of it; else empty."""
-    shares = scatter_shares(result)
-    if not (runs_disagree(result) and shares) or any(s > 1.0 / TWO_SIDED_95 for s in shares.values()):
+    told = {n: result.run_sizes[n] for n in explanation(result) if n in result.run_sizes}
+    if not (runs_disagree(result) and told) or len(told) < len(explanation(result)):
         return ""
-    differ = and_list(f"{100.0 * s:.0f} % ({in_words(n)})" for n, s in shares.items())
-    return (
-        f"From run to run the size differs by more than readings allow, by {differ}, one sd; the interval "
-        "counts that."
-    )
+    if any(sizes.may_be_absent for sizes in told.values()):
+        return ""
+    differ = and_list(f"{_share(sizes.share)} ({in_words(n)})" for n, sizes in told.items())
+    runs = max(len(runs) for sizes in told.values() for runs in sizes.sizes.values())
+    counted = "; the interval counts that" if runs >= LEAST_RUNS else ""
+    return f"From run to run the size differs by more than readings allow, by {differ}, one sd{counted}."
+
+
+def _share(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share >= 0.005 else "less than 1 %"
 
 
 def predicts_worse(result: Result) -> list[RunError]:

@@ -29,7 +29,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     parameter_table,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.cross_validation import agreement, size_scatter
+from bayesid.diagnosis.hypotheses.cross_validation import agreement
 from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.probabilities import several_act
@@ -61,6 +61,7 @@ from bayesid.diagnosis.result_parts import (
     SimulatorMistakeFound,
     StretchFound,
 )
+from bayesid.diagnosis.run_sizes import run_sizes
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.model_form import typical
 from bayesid.model.terms import term
@@ -193,18 +194,10 @@ def result_of(
         runs=tuple(_run_error(r) for r in replays),
         moved=_moved(model, problem, c.none, best, explained),
         runs_agree=agreement(best, len(problem.coefficients.names)) if gains and not best.widens else None,
-        size_scatter=_scatter(problem, best) if gains and not best.widens else {},
+        run_sizes=run_sizes(problem, best) if gains and not best.widens else {},
         simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
     )
-
-
-def _scatter(problem: DiagnosisProblem, best: RefittedHypothesis) -> dict[str, float]:
-    """`size_scatter` of what is nought where an effect is off; a shape tells not whether it acts."""
-    effects = (problem.model.effects[n] for n in best.effects)
-    sizes = {e.key(p.name) for e in effects for p in e.parameters if p.off == 0.0 and not p.shape}
-    found = size_scatter(best, len(problem.coefficients.names))
-    return {name: sd for name, sd in found.items() if name in sizes}
 
 
 def _run_error(r: Replay) -> RunError:

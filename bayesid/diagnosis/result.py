@@ -39,6 +39,7 @@ from bayesid.diagnosis.result_parts import (
     Share,
     SimulatorMistakeFound,
 )
+from bayesid.diagnosis.run_sizes import RunSizes
 from bayesid.diagnosis.schema import About, described, plain
 
 FORMAT = 1
@@ -225,11 +226,11 @@ class Result:
             "it was not asked."
         ),
     ] = None
-    size_scatter: Annotated[
-        Mapping[str, float],
+    run_sizes: Annotated[
+        Mapping[str, RunSizes],
         About(
-            "Parameter of the best explanation -> by how much its size differs from run to run beyond what "
-            "the readings of each allow (one sd, in its unit); empty where it was not asked."
+            "Effect of the best explanation -> its sizes as single runs ask for them; empty where it was not "
+            "asked."
         ),
     ] = field(default_factory=dict)
     simulator: Annotated[

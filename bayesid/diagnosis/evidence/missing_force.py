@@ -8,7 +8,7 @@ a form, never a cause. Reads no held-out run.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -180,8 +180,9 @@ def describe(
     ahead = all(float(np.nanmin(log.path[:, model.states.index("u")])) > 0.0 for log in problem.logs)
     tried = tuple(w.name for w in proposed)
     known = predictive if np.isfinite(predictive) else None
-    own = set(model.vehicle.coef) if ahead else set()
-    return MissingForce(terms, gain, known, explained, tried, _words(terms, tried, gain, predictive, own))
+    own = {n: float(model.nominal[model.index[n]]) for n in model.vehicle.coef if n in model.index}
+    words = _words(terms, tried, gain, predictive, own, ahead)
+    return MissingForce(terms, gain, known, explained, tried, words)
 
 
 def _regress(
@@ -269,9 +270,10 @@ def _words(
     tried: Sequence[str],
     gain: float,
     predictive: float,
-    own: Collection[str] = (),
+    own: Mapping[str, float] | None = None,
+    ahead: bool = False,
 ) -> tuple[str, ...]:
-    """The finding in words; `own` are rows of the vehicle file where all runs go ahead."""
+    """The finding in words; `own` are the rows of the vehicle file [SI], `ahead` that all runs go ahead."""
     if not terms:
         if not tried:
             return ("No term of the library is kept in most bootstrap draws of the missing force.",)
@@ -284,16 +286,20 @@ def _words(
     out = []
     for t in terms:
         form = t.expression.replace("*", " ")
-        twin = AHEAD_THE_SAME.get(t.name)
-        if t.in_model or twin in own:
-            kind = f"a change of the vehicle's own {'row' if t.in_model else f'{twin} as it goes ahead'}"
-        else:
-            kind = "a row the vehicle lacks"
+        row, kind, held = t.name, "a row the vehicle lacks", 0.0
+        if t.in_model:
+            kind, held = "a change of the vehicle's own row", (own or {}).get(t.name, 0.0)
+        elif ahead and (twin := AHEAD_THE_SAME.get(t.name)) is not None and twin in (own or {}):
+            row, kind, held = (
+                twin,
+                f"a change of the vehicle's own {twin} as it goes ahead",
+                (own or {})[twin],
+            )
         text = (
             f"The missing {'force' if t.axis in 'XYZ' else 'moment'} in {t.axis} goes as {form}: {t.name} = "
             f"{digits(t.value, 4)} ± {digits(t.sd, 2)} {t.unit}, {kind}, worth {t.gain:.1f} nats"
         )
-        if drives(t.name, t.value):
+        if drives(row, held + t.value):
             text += (
                 "; it drives the motion: beside the rows of the file it fits what these runs reach, and "
                 "beyond that a simulator with it may diverge"

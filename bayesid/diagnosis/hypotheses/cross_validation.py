@@ -114,11 +114,10 @@ def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> t
     return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
 
 
-def scatter_between_runs(equations: Sequence[NormalEquations], column: int) -> float:
-    """Sd of an unknown from run to run, beyond what the readings of each leave of it.
+def of_single_runs(equations: Sequence[NormalEquations], column: int) -> tuple[Array, Array]:
+    """(runs,) an unknown as each run alone asks for it, all else common to them, and (runs, runs) covariance.
 
-    By moments (DerSimonian and Laird 1986) of the estimates of single runs, all else common to them; 0 where
-    they scatter no more than that, or fewer than two tell of it.
+    Infinite variance, and nought, of a run that does not tell.
     """
     runs, k = len(equations), equations[0].se.size
     others = np.delete(np.arange(k), column)
@@ -129,29 +128,29 @@ def scatter_between_runs(equations: Sequence[NormalEquations], column: int) -> f
         joint[np.ix_(at, at)] += g.ss[np.ix_(of, of)]
         score[at] += g.se[of]
     joint[: k - 1, : k - 1] += np.eye(k - 1)
-    tells = np.diag(joint)[k - 1 :] > _LEAST_TOLD
-    kept = np.append(np.arange(k - 1), k - 1 + np.flatnonzero(tells))
+    tells = np.flatnonzero(np.diag(joint)[k - 1 :] > _LEAST_TOLD)
+    kept = np.append(np.arange(k - 1), k - 1 + tells)
+    found = np.linalg.inv(joint[np.ix_(kept, kept)])
+    size, covariance = np.zeros(runs), np.diag(np.full(runs, np.inf))
+    size[tells] = (found @ score[kept])[k - 1 :]
+    covariance[np.ix_(tells, tells)] = found[k - 1 :, k - 1 :]
+    return size, covariance
+
+
+def between_runs(size: Array, covariance: Array) -> float:
+    """Sd of a size from run to run, beyond what the readings of each leave of it.
+
+    By moments (DerSimonian and Laird 1986); 0 where sizes of single runs scatter no more than that, or fewer
+    than two tell.
+    """
+    variance = np.diag(covariance)
+    tells = np.isfinite(variance)
     if tells.sum() < 2:
         return 0.0
-    covariance = np.linalg.inv(joint[np.ix_(kept, kept)])
-    size, variance = (covariance @ score[kept])[k - 1 :], np.diag(covariance)[k - 1 :]
-    weight = 1.0 / variance
+    size, weight = size[tells], 1.0 / variance[tells]
     spread = float(weight @ (size - weight @ size / weight.sum()) ** 2)
     beyond = (spread - (size.size - 1)) / (weight.sum() - (weight**2).sum() / weight.sum())
     return float(np.sqrt(max(beyond, 0.0)))
-
-
-def size_scatter(candidate: RefittedHypothesis, coefficients: int) -> dict[str, float]:
-    """Parameter of an effect -> sd of its size from run to run [SI]; empty for a single run."""
-    fitted = candidate.fit
-    if len(fitted.equations) < 2:
-        return {}
-    columns = range(coefficients, len(fitted.free.names))
-    try:
-        sd = {fitted.free.names[c]: scatter_between_runs(fitted.equations, c) for c in columns}
-    except np.linalg.LinAlgError:
-        return {}
-    return {name: float(sd[name] * fitted.free.sd[c]) for name, c in zip(sd, columns, strict=True)}
 
 
 def log_odds_over_runs(ahead: Array) -> float:
