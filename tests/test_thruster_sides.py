@@ -56,6 +56,15 @@ def test_exchanged_columns_and_an_exchanged_vehicle_file_are_told_with_the_mend(
     assert found.probability > 0.8  # a log mirrored in all its channels looks the same
 
 
+def test_revolutions_that_all_count_the_other_way_are_not_called_exchanged(logged):
+    """Both turn the vehicle the wrong way; only one drives it astern."""
+    trial, model = logged
+    astern = tuple(replace(r, commands={n: -v for n, v in r.commands.items()}) for r in trial.runs)
+    (found,) = check_trial(replace(trial, runs=astern), model).findings
+    assert found.name == "sign of n_port, n_stbd" and found.probability > 0.8
+    assert found.correction.scale["n_port_cmd"] == -1.0
+
+
 def test_thrusters_steer_only_where_nothing_else_does():
     for name in builtin_names():
         columns = steering(build_model(load_vehicle(name), 3))

@@ -40,6 +40,7 @@ def behaviour_of(model: Model, runs: Sequence[Run], seen: bool = False) -> Vehic
             "turn": needs["turn"] | fins,
             "drift": needs["drift"] | fins,
             "steering": SIGNS["rudder"] | fins,
+            "thrust": frozenset({"x", "y", "psi", "u", "u_water"}) | fins,
             **{turn_after(fin): SIGNS["rudder"] | {fin, f"{fin}_cmd"} for fin in named},
         }
     single = single_fins(model)

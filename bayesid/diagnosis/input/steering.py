@@ -28,6 +28,7 @@ TURNING = ("azimuth_", "nozzle_")  # columns of the angle of a thrust
 WORDS = {"delta": "rudder", "azimuth": "azimuth", "nozzle": "nozzle"}
 SIDES = "n_"  # columns of revolutions of thrusters that steer by their difference
 ALIKE = 0.05  # of their arm, by which thrusters of the two sides may differ in place and direction
+AGAINST = -10.0  # nats of a run in which thrusters push the other way than the vehicle goes
 FULL = 0.5  # rudder angle [rad] that stands for thrust ahead on one side at the usual revolutions
 
 
@@ -71,17 +72,56 @@ def with_rudder(model: Model, run: Run, columns: Sequence[str]) -> Run:
     return replace(run, commands={**run.commands, "delta_r_cmd": np.mean(orders, axis=0)})
 
 
-def sign_of_steering(columns: Sequence[str]) -> Mistake:
+def pushes_along(model: Model, run: Run) -> float | None:
+    """Log likelihood [nats] of the side to which thrusters of the two sides push, from how the vehicle goes:
+    astern by what should drive it ahead is a wrong sign of revolutions. None where either is not told."""
+    push = np.zeros(run.n_samples)
+    for name, (_, pusher) in _sides(model).items():
+        revolutions = run.input(name)
+        if revolutions is None:
+            return None
+        push = push + pusher.direction[0] * revolutions * np.abs(revolutions)
+    way, on = _way(run), float(np.median(push))
+    return None if not way or not on else 0.0 if way * on > 0.0 else AGAINST
+
+
+def _way(run: Run) -> float:
+    """How far a vehicle goes ahead of its bow [m], negative astern; 0 where that is not told."""
+    for name in ("u", "u_water"):
+        if name in run.data:
+            speed = run.data[name]
+            return float(np.nanmedian(speed)) * run.duration if np.isfinite(speed).any() else 0.0
+    if not {"x", "y", "psi"} <= set(run.data):
+        return 0.0
+    x, y, psi = (run.data[name] for name in ("x", "y", "psi"))
+    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(psi)
+    ahead = np.diff(x[good]) * np.cos(psi[good][:-1]) + np.diff(y[good]) * np.sin(psi[good][:-1])
+    return float(ahead.sum())
+
+
+def mistakes_of_steering(columns: Sequence[str]) -> tuple[Mistake, ...]:
     """All angles that steer a vehicle, named ones, with the opposite sign; or thrusters of the two sides in
-    place of each other."""
-    if columns[0].startswith(SIDES):
-        pairs = list(zip(columns[::2], columns[1::2], strict=True))
-        return Mistake(
-            "port and starboard thrusters exchanged",
-            f"thrusters {_names(columns)} are exchanged, or `at` in the vehicle file has them so",
-            Correction(exchange=tuple((a + end, b + end) for a, b in pairs for end in ("", "_cmd"))),
-            COMMON,
-        )
+    place of each other, or all their revolutions with the opposite sign."""
+    if not columns[0].startswith(SIDES):
+        return (_sign_of_angles(columns),)
+    both = Correction(scale={name: -1.0 for one in columns for name in (one, f"{one}_cmd")})
+    said = (
+        f"revolutions of thrusters {_names(columns)} have the opposite sign, or `direction` in the file has"
+    )
+    return _exchanged(columns), Mistake(f"sign of {', '.join(columns)}", said, both, COMMON)
+
+
+def _exchanged(columns: Sequence[str]) -> Mistake:
+    pairs = zip(columns[::2], columns[1::2], strict=True)
+    return Mistake(
+        "port and starboard thrusters exchanged",
+        f"thrusters {_names(columns)} are exchanged, or `at` in the vehicle file has them so",
+        Correction(exchange=tuple((a + end, b + end) for a, b in pairs for end in ("", "_cmd"))),
+        COMMON,
+    )
+
+
+def _sign_of_angles(columns: Sequence[str]) -> Mistake:
     many = len(columns) > 1
     kinds = dict.fromkeys(WORDS[name.partition("_")[0]] for name in columns)
     stated = "`at`" if steers_by_thrust(columns) else "`direction`"

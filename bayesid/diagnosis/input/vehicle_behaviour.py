@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesid.diagnosis.input.pieces import SLIDE, change_between, line_at, speed_of, start_of
 from bayesid.diagnosis.input.single_fins import SINGLE, fins_density, mistakes_of_fins
-from bayesid.diagnosis.input.steering import RUDDER, sign_of_steering, with_rudder
+from bayesid.diagnosis.input.steering import RUDDER, mistakes_of_steering, pushes_along, with_rudder
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
@@ -73,7 +73,7 @@ class VehicleBehaviour:
         """Mistakes of channels that only this vehicle has: named fins or angles of
         thrusts with the opposite sign, fins exchanged."""
         of_fins = mistakes_of_fins(self.model) if self.single else ()
-        return of_fins if self.steering == RUDDER else (sign_of_steering(self.steering), *of_fins)
+        return of_fins if self.steering == RUDDER else (*mistakes_of_steering(self.steering), *of_fins)
 
     def __call__(self, run: Run) -> dict[str, float]:
         """What is told -> log likelihood [nats]."""
@@ -102,6 +102,8 @@ class VehicleBehaviour:
             if self.steering != RUDDER:  # the sign of that one the channels tell by themselves
                 signs = sign_evidence(with_rudder(self.model, run, self.steering), ("rudder",))
                 out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
+                along = pushes_along(self.model, run)
+                out |= {} if along is None else {"thrust": along}
                 # of a reading that contradicts its order the turn says which is right
                 for fin in self.steering:
                     if fin in run.measured_inputs and f"{fin}_cmd" in run.commands:
