@@ -47,6 +47,7 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     """Show a vehicle: particulars, limits and coefficients, prime and SI."""
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.model.vehicles import load_vehicle
+    from bayesid.model.vehicles.orders import has_propeller
     from bayesid.report import coefficient_cells
 
     found = load_vehicle(vehicle)
@@ -55,7 +56,10 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
         print_json({**_head(found), "actuators": _actuator_rows(found), "coefficients": rows})
         return
     print_text(f"{found.name}\n{found.source}\n")
-    head = {key: value for key, value in _head(found).items() if key not in ("name", "source")}
+    shaft = "usual speed of the shaft [rpm]"
+    by_thrusters = bool(found.thrusters) and not has_propeller(found)
+    renamed = {shaft: "usual speed of the thrusters [rpm]"} if by_thrusters else {}
+    head = {renamed.get(k, k): value for k, value in _head(found).items() if k not in ("name", "source")}
     width = max(map(len, head))
     for key, value in head.items():
         print_text(f"{key.ljust(width)}  {_plain(value)}")
