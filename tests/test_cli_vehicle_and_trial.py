@@ -54,6 +54,69 @@ def test_vehicle_show_gives_every_coefficient_with_its_si_value(capsys):
     assert "N_v" in capsys.readouterr().out
 
 
+THRUSTER_BOAT = """
+format = 1
+[vehicle]
+name = "boat"
+nondimensional = false
+planar_only = true
+convention = "{convention}"
+rho = 1000.0
+L = 2.0
+mass = 62.0
+Izz = 20.0
+[propulsion]
+model = "quadratic"
+rpm_ref = 1000.0
+{crossflow}
+[coef]
+X_udot = -5.6
+Y_vdot = -75.0
+N_rdot = -12.2
+N_v = 12.6
+N_r = -10.0
+Y_v = -20.0
+[actuators.port]
+at = [-0.8, -0.4, 0.0]
+direction = [1.0, 0.0, 0.0]
+T_nn = 2.0e-5
+lag = 0.2
+[actuators.stbd]
+at = [-0.8, 0.4, 0.0]
+direction = [1.0, 0.0, 0.0]
+T_nn = 2.0e-5
+"""
+
+
+def test_vehicle_show_tells_lag_cross_flow_and_what_the_convention_of_the_file_adds(tmp_path, capsys):
+    def shown(convention, crossflow="[crossflow]\nCdy = 1.35\nheight = 0.145"):
+        path = tmp_path / "boat.toml"
+        path.write_text(THRUSTER_BOAT.format(convention=convention, crossflow=crossflow))
+        assert run(["vehicle", "show", str(path)]) == 0
+        return capsys.readouterr().out
+
+    fossen = shown("fossen")
+    assert " Cdy 1.35, height [m] 0.145, sections 21\n" in fossen
+    port, stbd = (next(x for x in fossen.splitlines() if x.startswith(f"{n} ")) for n in ("port", "stbd"))
+    assert port.endswith("T_nn 2.000e-05, lag 0.2") and "lag" not in stbd
+    words = " ".join(fossen.split())
+    # Munk's moment: Y_vdot - X_udot = -69.4
+    assert "N_v -56.8 (12.6 in the file); X_vr and Y_r are that part alone." in words
+    assert "The file is in Fossen's convention; rows here hold the part of the added mass too" in words
+    assert not any(line.startswith(("Z_", "K_", "M_")) for line in fossen.splitlines())
+    assert "usual speed of the thrusters [rpm]  1000\n" in fossen and "shaft" not in fossen
+    plain = shown("gertler-hagen", "")
+    assert "Fossen" not in plain and "N_v" in plain and "-56.8" not in plain
+    assert next(x for x in plain.splitlines() if "cross-flow drag" in x).endswith("  not stated")
+    upright = THRUSTER_BOAT.replace("planar_only = true", "Ixx = 5.0\nIyy = 20.0").format(
+        convention="fossen", crossflow=""
+    )
+    (tmp_path / "upright.toml").write_text(upright)
+    assert run(["vehicle", "show", str(tmp_path / "upright.toml"), "--json"]) == 0
+    names = {row["name"] for row in json.loads(capsys.readouterr().out)["coefficients"]}
+    assert {"Z_vp", "K_vw", "M_w"} < names
+
+
 def test_the_speed_of_a_run_is_that_of_its_track_where_no_velocity_is_logged(bundle):
     (run_,) = trial_summary(load_trial(bundle))["runs"]  # 2 m/s, positions to 0.05 m each second
     low, high = run_["speed"]

@@ -405,6 +405,39 @@ def test_a_text_that_is_no_log_is_refused_in_one_sentence(tmp_path, content, wor
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("at", "before"), [(1, "4"), (3, "4.0"), (4, "4.0,"), (9, "4.0,10.00")])
+def test_a_row_cut_in_two_by_a_carriage_return_is_said(tmp_path, at, before):
+    rows = [f"{k:.1f},10.00{k % 7},{k % 5}.5" for k in range(80)]
+    rows[4] = rows[4][:at] + "\r" + rows[4][at:]
+    path = tmp_path / "my log.csv"
+    path.write_bytes("\r\n".join(["t,psi,r", *rows]).encode())
+    with pytest.raises(ImportLogError) as caught:
+        read_log(path)
+    assert str(caught.value) == (
+        f"{path}: row 6 is cut in two by a stray carriage return (CR) after {before!r}; remove it: "
+        f"tr -d '\\r' < '{path}' > mended.csv"
+    )
+    path.write_bytes("\r\n".join(row.replace("\r", "") + "\r,AUTO" for row in rows).encode())
+    with pytest.raises(ImportLogError, match=r"row 1 is cut in two .*, and \d+ more rows; remove it"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("ending", ["\r", "\r\r\n", "\r\n"])
+def test_a_carriage_return_that_ends_a_row_cuts_nothing(tmp_path, ending):
+    path = tmp_path / "log.csv"
+    path.write_bytes(ending.join(["t,psi,r", *(f"{k},10.{k},0.5" for k in range(80)), ""]).encode())
+    assert series(read_log(path), "psi").t.size == 80
+
+
+def test_a_column_of_words_may_have_an_empty_cell(tmp_path):
+    words = ["" if k == 6 else "AUTO" for k in range(80)]
+    rows = [f"{k}.0,10.{k},{word},0.5" for k, word in enumerate(words)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t,psi,mode,r", *rows]) + "\n")
+    log = read_log(path)
+    assert series(log, "psi").lost == 0 and series(log, "r").t.size == 80
+
+
 def test_a_reader_that_is_not_installed_is_named_with_its_install_line(tmp_path, monkeypatch):
     import builtins
 

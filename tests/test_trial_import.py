@@ -567,9 +567,9 @@ def test_what_the_planes_do_is_told_where_the_rudder_does_nothing(rudder, said):
     t, angle, pitch = zigzag_log(12, 7, np.inf, 0.0)
     commands = {"delta_r_cmd": np.full(t.shape, rudder), "delta_s_cmd": angle}
     data = {"theta": pitch, "psi": 2.0 * rudder * t}
-    assert _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data)) == said
+    assert _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data), {}) == said
     commands["delta_s_cmd"] = np.zeros(t.shape)
-    still = _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data))
+    still = _as_a_whole(SimpleNamespace(t=t, commands=commands, measured_inputs={}, data=data), {})
     assert still == ("straight" if rudder == 0.0 else said)
 
 

@@ -381,18 +381,15 @@ def _say(proposal: Proposal, out: Path, with_questions: bool = True) -> None:
         for role, entry in found.channels.items()
     ]
     print_table(["channel", "read from", "unit", "scale"], rows)
-    named = any(role.startswith("delta_") for role in found.channels)
-    own = not named or {"delta_r", "delta_r_cmd"} & set(found.channels)  # the side is about no other
+    own = {"delta_r", "delta_r_cmd"} & set(found.channels)  # the side is about no other
     side = f"; positive rudder turns to {found.rudder_positive}" if own else ""
     print_text(f"\naxes {found.world or 'ned'}, {found.body or 'frd'}{side}")
     kinds: dict[str, int] = {}
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
-    print_text(
-        f"{counted(len(found.runs), 'run')}: "
-        + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
-        + (", ..." if len(kinds) > 12 else "")
-    )
+    each = [k if n == 1 else f"{n} x {k}" for k, n in kinds.items()] if set(kinds) != {"not named"} else []
+    what = f": {', '.join(each[:12])}{', ...' if len(each) > 12 else ''}" if each else ""
+    print_text(f"{counted(len(found.runs), 'run')}{what}")
     pictures = draw_runs(proposal, out)
     if pictures:
         print_text(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bayesid.cli.choices import VehicleName
 from bayesid.cli.options import Json, Verbose
+from bayesid.words import and_list
 
 if TYPE_CHECKING:
     from bayesid.model.vehicles import Vehicle
@@ -45,6 +47,7 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     """Show a vehicle: particulars, limits and coefficients, prime and SI."""
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.model.vehicles import load_vehicle
+    from bayesid.model.vehicles.orders import has_propeller
     from bayesid.report import coefficient_cells
 
     found = load_vehicle(vehicle)
@@ -53,7 +56,10 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
         print_json({**_head(found), "actuators": _actuator_rows(found), "coefficients": rows})
         return
     print_text(f"{found.name}\n{found.source}\n")
-    head = {key: value for key, value in _head(found).items() if key not in ("name", "source")}
+    shaft = "usual speed of the shaft [rpm]"
+    by_thrusters = bool(found.thrusters) and not has_propeller(found)
+    renamed = {shaft: "usual speed of the thrusters [rpm]"} if by_thrusters else {}
+    head = {renamed.get(k, k): value for k, value in _head(found).items() if k not in ("name", "source")}
     width = max(map(len, head))
     for key, value in head.items():
         print_text(f"{key.ljust(width)}  {_plain(value)}")
@@ -68,6 +74,28 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     if verbose:
         columns, keys = [*columns, "source of the term"], [*keys, "source"]
     print_table(columns, [[row[key] for key in keys] for row in rows])
+    if said := _convention(found, {row["name"] for row in rows}):
+        print_text(f"\n{said}")
+
+
+def _convention(vehicle: Vehicle, shown: Collection[str]) -> str:
+    """One sentence on rows that hold what the convention of the file leaves out; "" where there are none."""
+    from bayesid.report.writer.blocks import cell_text
+
+    both = [
+        f"{name} {cell_text(vehicle.coef[name])} ({cell_text(value)} in the file)"
+        for name, value in vehicle.in_file.items()
+        if name in shown
+    ]
+    new = [name for name in vehicle.completed if name in shown]
+    if not both and not new:
+        return ""
+    alone = f"{and_list(new)} {'is' if len(new) == 1 else 'are'} that part alone" if new else ""
+    return (
+        "The file is in Fossen's convention; rows here hold the part of the added mass too (Munk, Coriolis): "
+        + "; ".join([*both, *([alone] if alone else [])])
+        + "."
+    )
 
 
 def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False) -> None:
@@ -116,6 +144,7 @@ def terms(axes: Axes = "XYZKMN", as_json: Json = False, verbose: Verbose = False
 def _actuator_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
     """Actuators of [actuators.NAME]: kind, columns of a log, what the file states beyond the defaults."""
     from bayesid.model.channels import channel
+    from bayesid.model.vehicles.tables import shaft_lag
 
     rows = []
     for a in vehicle.actuators:
@@ -124,6 +153,8 @@ def _actuator_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
         numbers = {
             k: " ".join(f"{x:.4g}" for x in v) if isinstance(v, tuple) else v for k, v in stated.items()
         }
+        if lag := vehicle.effects.get(shaft_lag(a.name)):
+            numbers["lag"] = lag
         rows.append({"name": a.name, "kind": a.kind, "columns": columns, "numbers": numbers})
     return rows
 
@@ -137,9 +168,9 @@ def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
     spread = vehicle.prior.relative_sd if vehicle.prior else {}
     rows = []
     for name, value in si.items():
-        if value == 0.0 and name not in vehicle.coef:
-            continue
         row = term(name)
+        if (value == 0.0 and name not in vehicle.coef) or (vehicle.planar_only and row.axis in "ZKM"):
+            continue
         rows.append(
             {
                 "name": name,
@@ -173,10 +204,19 @@ def _head(vehicle: Vehicle) -> dict[str, Any]:
         "weight, buoyancy [N]": [vehicle.W, vehicle.B],
         "largest angles [deg]": {fin: degrees(a) for fin, a in vehicle.limits.items() if isfinite(a)},
         "largest rates [deg/s]": {fin: degrees(a) for fin, a in vehicle.rates.items() if isfinite(a)},
+        "cross-flow drag": _crossflow(vehicle),
         "propulsion": vehicle.propulsion.model,
         "usual speed of the shaft [rpm]": vehicle.rpm_ref,
         "digest": vehicle.digest,
     }
+
+
+def _crossflow(vehicle: Vehicle) -> dict[str, float]:
+    strips = vehicle.crossflow
+    if strips is None:
+        return {}
+    upright = {} if vehicle.planar_only else {"Cdz": strips.Cdz, "width [m]": strips.width}
+    return {"Cdy": strips.Cdy, "height [m]": strips.height, **upright, "sections": strips.sections}
 
 
 def _plain(value: Any) -> str:

@@ -5,6 +5,7 @@ Takes a `Proposal`; writes PNG files. Does not: choose runs.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +43,15 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
                 track.set_aspect("equal", "datalim")
                 track.set_xlabel("east [m]")
                 track.set_ylabel("north [m]")
-            _draw_orders(command, look, own, zero)
+            shaft = bool({"n", "n_cmd"} & set(proposal.map.channels))
+            _draw_orders(command, look if shaft else _without_shaft(look), own, zero)
             if "psi" in look.data and own.any():
                 psi = np.degrees(look.data["psi"][own])
                 command.plot(
                     look.t[own] - zero, psi - psi[0], color="C0", lw=1.0, label="heading - first [deg]"
                 )
-            command.set_title(f"{run.name}: {run.manoeuvre or 'not named'} ({run.role})", fontsize=9)
+            what = f": {run.manoeuvre}" if run.manoeuvre else ""
+            command.set_title(f"{run.name}{what} ({run.role})", fontsize=9)
             command.set_xlabel("t [s]")
             if command.lines:
                 command.legend(fontsize=7, loc="upper right")
@@ -70,6 +73,15 @@ def _draw_orders(axes: Any, look: Run, own: np.ndarray, zero: float) -> None:
         axes.plot(look.t[own] - zero, order.values[own], color=f"C{i + 1}", lw=1.0, label=label)
     if not angles and orders:
         axes.legend(fontsize=7, loc="lower right")
+
+
+def _without_shaft(look: Run) -> Run:
+    """A run whose `n` is no shaft, but the mean of thrusters that have curves of their own."""
+    commands, measured = (
+        {name: values for name, values in group.items() if name not in ("n", "n_cmd")}
+        for group in (look.commands, look.measured_inputs)
+    )
+    return replace(look, commands=commands, measured_inputs=measured)
 
 
 def _zero(look: Run) -> float:

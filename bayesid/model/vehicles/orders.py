@@ -24,6 +24,7 @@ from bayesid.words import and_list
 NEAR_CENTRE = 0.05  # of the length, from which on a fin has an arm that turns the vehicle
 # Fins of an X or a V: least ratio of the smaller to the larger share of their force, to the side and down.
 DIAGONAL = 0.5
+AHEAD = 0.98  # least share ahead of the direction of a thruster that turns by its place across alone
 
 
 def has_rudder(vehicle: Vehicle) -> bool:
@@ -122,6 +123,19 @@ def shafts_together(vehicle: Vehicle) -> tuple[str, ...]:
 def steers(vehicle: Vehicle) -> bool:
     """Whether an order of the rudder, `delta_r_cmd`, turns it, by `delta_r` or by named rudders."""
     return has_rudder(vehicle) or bool(rudders_together(vehicle))
+
+
+def thrusters_turning(vehicle: Vehicle) -> dict[str, float]:
+    """Speed of a thruster -> the side to which it turns a vehicle, 1 to port, -1 to starboard.
+
+    Only of one that nothing else steers: no rudder, and thrusters that push straight ahead, on both sides;
+    empty for any other.
+    """
+    fixed = [t for t in vehicle.thrusters if t.direction[0] > AHEAD and len(t.signals) == 1]
+    if has_rudder(vehicle) or has_propeller(vehicle) or len(fixed) < len(vehicle.actuators):
+        return {}
+    sides = {t.signal: math.copysign(1.0, t.at[1]) for t in fixed if abs(t.at[1]) > 0.0}
+    return sides if {1.0, -1.0} == set(sides.values()) else {}
 
 
 def has_fins(vehicle: Vehicle, upright: bool = False) -> bool:

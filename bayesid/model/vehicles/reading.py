@@ -17,7 +17,7 @@ from bayesid.errors import VehicleError, raise_all
 from bayesid.model.actuators import Fin
 from bayesid.model.terms import canonical_name, term
 from bayesid.model.terms.dialects import READ
-from bayesid.model.vehicles.convention import CONVERSIONS, converted
+from bayesid.model.vehicles.convention import CONVERSIONS, converted, munk_and_coriolis
 from bayesid.model.vehicles.fields import TomlTable, hint, shown
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.prior import read_prior
@@ -166,10 +166,14 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         "sources": read_sources(TomlTable(data.get("sources", {}), "sources", problems), coef, dialect),
     }
     problems += ship_problems(values["propulsion"].model, values["planar_only"], coef)
-    stated = set(coef)
-    for name in read_conversions(head):
+    stated = dict(coef)
+    conversions = read_conversions(head)
+    for name in conversions:
         coef, prior = converted(CONVERSIONS[name], coef, prior)
     values["completed"] = tuple(name for name in coef if name not in stated)
+    if "fossen" in conversions:
+        added = munk_and_coriolis(stated)
+        values["in_file"] = {name: value for name, value in stated.items() if name in added}
     if not problems:
         vehicle = Vehicle(coef=coef, prior=prior, **values)
         problems += mass_problems(vehicle)

@@ -242,6 +242,11 @@ def read_confidence(table: TomlTable) -> dict[str, list[str]]:
     return found
 
 
+def shaft_lag(name: str) -> str:
+    """The parameter of an effect that `lag` of [actuators.NAME] is."""
+    return f"thruster_{name}_lag.tau"
+
+
 def read_actuators(table: TomlTable) -> tuple[tuple[Actuator, ...], dict[str, float]]:
     """Actuators of [actuators.NAME], in the order of the file, and the lags of their shafts as values of
     effects; one without `kind` is a thruster."""
@@ -257,7 +262,7 @@ def read_actuators(table: TomlTable) -> tuple[tuple[Actuator, ...], dict[str, fl
         if kind is not None and (found := _actuator(name, kind, inside)) is not None:
             out.append(found[0])
             if found[1]:
-                lags[f"thruster_{name}_lag.tau"] = found[1]
+                lags[shaft_lag(name)] = found[1]
     there = {a.name for a in out if f"n_{a.name}" in a.signals} | {"propeller"}
     for a in out:
         behind = getattr(a, "behind", None)

@@ -87,6 +87,7 @@ class Vehicle:
         effects of the catalogue, or of a user's file of effects, that are part of this vehicle
     thrusters, fins : beside the propeller of `propulsion`, and beside rudder and planes; named
     completed : rows of `coef` that the file does not state, added from its convention; not kept when written
+    in_file : rows of `coef` to which the convention of the file adds -> what the file states; likewise
     validation, confidence, sources : what the file says about its own numbers, kept as it is
     """
 
@@ -124,6 +125,7 @@ class Vehicle:
     thrusters: tuple[Pusher, ...] = ()
     fins: tuple[Fin, ...] = ()
     completed: tuple[str, ...] = field(default=(), compare=False)
+    in_file: dict[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def actuators(self) -> tuple[Actuator, ...]:
@@ -148,7 +150,7 @@ class Vehicle:
     def digest(self) -> str:
         """SHA-256 of every number and name, independent of comments, order and spelling in the file."""
         plain = asdict(self)
-        del plain["completed"]  # the same numbers, whoever wrote them down
+        del plain["completed"], plain["in_file"]  # the same numbers, whoever wrote them down
         for key in _LATER:  # a vehicle without keeps the digest it had before there were any
             if not plain[key]:
                 del plain[key]

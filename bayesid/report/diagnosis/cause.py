@@ -57,7 +57,7 @@ def force_blocks(result: Result) -> list[Block]:
     drawn = figures.force([literal(r) for r in force.runs], force.times, force.values, force.sd, force.axes)
     caption = (
         "The force that, added to the simulator as re-tuned, leads it along the log, in body axes, with two "
-        "standard deviations. What to see: when it acts, and whether it follows the rudder or the turning."
+        "standard deviations. What to see: when it acts, and whether it follows the orders or the turning."
     )
     return [Figure("force", drawn, caption)]
 

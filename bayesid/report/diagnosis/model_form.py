@@ -10,7 +10,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import ModelFormPart
 from bayesid.report.writer import Block, Section, Table, Text, literal
 
-MOTION = "a drift of 0.2 U, a yaw rate of 0.3 U/L and a rudder of 0.25 rad"
+MOTION = "a drift of 0.2 U, a yaw rate of 0.3 U/L and, where there is one, a rudder of 0.25 rad"
 
 
 def form_sections(result: Result) -> list[Section]:

@@ -42,7 +42,7 @@ def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> 
     psi : (n,) rad, continuous, or None
     speed : (n,) m/s or None
     """
-    sections = np.split(np.arange(t.size), np.flatnonzero(between_runs(t)) + 1)
+    sections = _sections(t)
     if len(sections) > 1:
         return [
             piece
@@ -77,6 +77,17 @@ def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> 
         if end - start >= SHORTEST:
             pieces.append(Piece(start, end, kind, words))
     return _tidy(pieces)
+
+
+def cut_at_pauses(t: Floats) -> list[Piece]:
+    """The stretches between long pauses, of a log without orders that cut it; none where it has no pause."""
+    sections = _sections(t)
+    whole = [Piece(float(t[s[0]]), float(t[s[-1]]), "section", "") for s in sections if len(sections) > 1]
+    return _tidy(whole)
+
+
+def _sections(t: Floats) -> list[np.ndarray]:
+    return np.split(np.arange(t.size), np.flatnonzero(between_runs(t)) + 1)
 
 
 def between_runs(t: Floats) -> np.ndarray:

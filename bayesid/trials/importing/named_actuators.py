@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from bayesid.model.vehicles.orders import has_rudder, missing_actuators, together
+from bayesid.model.vehicles.orders import has_rudder, missing_actuators, thrusters_turning, together
 from bayesid.model.vehicles.vehicle import Vehicle
 from bayesid.trials.importing.names import Guess, guess_role
 from bayesid.trials.importing.raw import RawChannel
@@ -43,6 +43,7 @@ class Steering:
     absent : "delta_r" and "n", where the vehicle has none
     together : "delta_r" and "n" -> the inputs one order of it moves, with the sign to which each then turns
     places : input of a fin -> where it stands, as {"upper", "port", "stern"}
+    turning : as `thrusters_turning`
     """
 
     inputs: tuple[str, ...] = ()
@@ -50,6 +51,7 @@ class Steering:
     absent: frozenset[str] = frozenset()
     together: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     places: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    turning: Mapping[str, float] = field(default_factory=dict)
 
 
 def steering_of(ship: Vehicle) -> Steering:
@@ -59,7 +61,8 @@ def steering_of(ship: Vehicle) -> Steering:
     across = {signal: float(a.at[1]) for a in ship.actuators for signal in a.signals}
     places = fin_places({signal: fin.at for fin in ship.fins for signal in fin.signals})
     absent = frozenset(missing_actuators(ship))
-    return Steering(tuple(across), sides_across(across), absent, together(ship), places)
+    turning = thrusters_turning(ship)
+    return Steering(tuple(across), sides_across(across), absent, together(ship), places, turning)
 
 
 def sides_across(across: Mapping[str, float]) -> dict[str, str]:

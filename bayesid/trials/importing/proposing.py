@@ -113,7 +113,7 @@ def propose(
         ask_stamps(draft)
         _ask_time(draft, logs)
     ask_assumed_units(draft)
-    runs, looks = list_runs(draft, groups, steering.together)
+    runs, looks = list_runs(draft, groups, steering)
     step = _step(logs)
     if step is not None:
         draft.remark(

@@ -72,7 +72,7 @@ def _unsteadiness(values: Floats) -> float:
 
 def _ask_gaps(draft: Draft, recording: Recording, label: str, log: RawLog, found: Stamps) -> None:
     name = Path(log.path).name
-    alone = len(recording.logs) == 1 and (draft.has("delta_r") or draft.has("delta_r_cmd"))
+    alone = len(recording.logs) == 1
     between = max(BETWEEN_RUNS, BETWEEN_STEPS * found.usual)
     apart = [g for g in found.gaps if alone and g[1] >= between]  # runs are cut there
     if apart:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Req
 from bayesid.trials.importing.tables import Columns, choose_time, stamps_of
 from bayesid.trials.importing.thinning import Thinning
 from bayesid.trials.importing.unit_words import is_unit, plain_unit, split_unit
+from bayesid.words import counted
 
 PART = 100_000  # rows read at a time
 HEAD = 256 * 1024  # bytes the dialect is found in
@@ -49,6 +51,7 @@ class Dialect:
 def read_text(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """The table; see `SourceOptions` for what a map may say about it."""
     dialect = find_dialect(path, options)
+    _refuse_cut_rows(path, dialect)
     stride = 1
     if request.most is not None:
         stride = max(1, int(_rows(path, dialect) / request.most))
@@ -208,6 +211,32 @@ def _unique(names: list[str]) -> list[str]:
     return out
 
 
+def _refuse_cut_rows(path: Path, dialect: Dialect) -> None:
+    """Rows that a carriage return cuts in two, which would be read as two rows with cells missing.
+
+    One at the end of a row, as of an old Mac, or doubled, cuts nothing.
+    """
+    if dialect.encoding == "utf-16":
+        return
+    width, cut = len(dialect.names), []
+    with open(path, "rb") as file:
+        for number, line in enumerate(file, 1):
+            bare = line.rstrip(b"\r\n")
+            if b"\r" not in bare or number <= dialect.skip:
+                continue
+            parts = [part for part in bare.decode(dialect.encoding, "replace").split("\r") if part.strip()]
+            cells = [len(_cells(part, dialect.delimiter)) for part in parts]
+            if len(parts) > 1 and min(cells) < width and line.endswith(b"\n"):
+                cut.append((number, parts[0]))
+    if cut:
+        number, before = cut[0]
+        more = f", and {counted(len(cut) - 1, 'more row')}" if cut[1:] else ""
+        raise ImportLogError(
+            f"{path}: row {number} is cut in two by a stray carriage return (CR) after {before[-12:]!r}{more}"
+            f"; remove it: tr -d '\\r' < {shlex.quote(str(path))} > mended.csv"
+        )
+
+
 def _rows(path: Path, dialect: Dialect) -> float:
     with open(path, "rb") as file:
         raw = file.read(HEAD)
@@ -226,6 +255,11 @@ def _frames(path: Path, dialect: Dialect, wanted: Any) -> Iterator[Any]:
     )  # fmt: skip
     with reader:
         yield from reader
+
+
+def _texts(series: Any) -> Any:
+    """Cells as words, "" where there is none: pandas from 3 on leaves such a cell a number."""
+    return series.astype(object).where(series.notna(), "").astype(str).str.strip()
 
 
 class _Parts:
@@ -266,7 +300,7 @@ class _Parts:
             self.choice = choose_time(Columns(data, units), self.options, str(self.path))
         for name in self.choice.names:  # a date in a later part must be read as in the first
             if data[name].dtype.kind == "f" and frame[name].dtype.kind not in "iuf":
-                data[name] = frame[name].astype(str).to_numpy(dtype=object)
+                data[name] = _texts(frame[name]).to_numpy(dtype=object)
         rows = np.arange(0, len(frame), self.stride)
         stamps = stamps_of({n: data[n][rows] for n in self.choice.names}, self.choice)
         t = stamps.t
@@ -299,7 +333,7 @@ class _Parts:
             )
         if series.dtype.kind == "f":
             return series.to_numpy()
-        texts = series.astype(str).str.strip()
+        texts = _texts(series)
         if self.choice is not None and name in self.choice.names:
             return texts.to_numpy(dtype=object)
         some = [t for t in texts.iloc[:50] if t.lower() not in _HOLE]
