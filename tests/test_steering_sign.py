@@ -11,7 +11,7 @@ import pytest
 from actuator_plants import AZIMUTH, WATERJET, plant_trial
 
 from bayesid.diagnosis.input import check_trial
-from bayesid.diagnosis.input.steering import sign_of_steering, steering, steering_shown, with_rudder
+from bayesid.diagnosis.input.steering import mistakes_of_steering, steering, steering_shown, with_rudder
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
@@ -94,7 +94,7 @@ def test_outboards_steer_as_one_rudder_and_their_right_sign_is_said(stated):
     assert steering_shown(stated, runs) == "sign of the azimuth angles of port and stbd"
     wrong = turned(Trial("boat", Path("."), "", 3, tuple(runs)), "azimuth").runs
     assert steering_shown(stated, wrong) == "" == steering_shown(stated, [astern] * 3)
-    assert set(sign_of_steering(ANGLES).correction.scale) == {n + e for n in ANGLES for e in ("", "_cmd")}
+    assert set(mistakes_of_steering(ANGLES)[0].correction.scale) == {n + e for n in ANGLES for e in ("", "_cmd")}
 
 
 def test_thrusts_before_the_centre_turn_it_the_other_way_and_those_near_it_do_not(stated):
