@@ -94,7 +94,8 @@ def test_outboards_steer_as_one_rudder_and_their_right_sign_is_said(stated):
     assert steering_shown(stated, runs) == "sign of the azimuth angles of port and stbd"
     wrong = turned(Trial("boat", Path("."), "", 3, tuple(runs)), "azimuth").runs
     assert steering_shown(stated, wrong) == "" == steering_shown(stated, [astern] * 3)
-    assert set(mistakes_of_steering(ANGLES)[0].correction.scale) == {n + e for n in ANGLES for e in ("", "_cmd")}
+    (mistake,) = mistakes_of_steering(ANGLES)
+    assert set(mistake.correction.scale) == {n + e for n in ANGLES for e in ("", "_cmd")}
 
 
 def test_thrusts_before_the_centre_turn_it_the_other_way_and_those_near_it_do_not(stated):

@@ -167,9 +167,9 @@ def _thrusts(model: Model) -> dict[str, tuple[float, Pusher]]:
 
 
 def _sides(model: Model) -> dict[str, tuple[float, Pusher]]:
-    """Column of the revolutions of each thruster that has its like on the other side, pair by pair -> 1 where
-    it turns the vehicle to port as it pushes ahead, -1 to starboard; and whose it is."""
-    left = [one for one in model.vehicle.thrusters if _arm(one)]
+    """Column of the revolutions of each fixed thruster that has its like on the other side, pair by pair -> 1
+    where it turns the vehicle to port as it pushes ahead, -1 to starboard; and whose it is."""
+    left = [one for one in model.vehicle.thrusters if _arm(one) and len(one.signals) == 1]
     out: dict[str, tuple[float, Pusher]] = {}
     while left:
         one = left.pop(0)
