@@ -49,10 +49,8 @@ def _anew(known: Sequence[Event], again: Sequence[Event]) -> tuple[Event, ...]:
     for event in again:
         if same := _matches(event, [e for e in known if e.brief]):
             whole = sum(e.evidence for e in again if _matches(e, same))
-            evidence = sum(e.evidence for e in same) * (
-                event.evidence / whole
-            )  # one for one: to the last bit
-            out.append(replace(event, evidence=evidence))
+            share = event.evidence / whole  # one for one: 1 to the last bit
+            out.append(replace(event, evidence=share * sum(e.evidence for e in same)))
     return tuple(sorted(out, key=lambda e: (e.run, e.start)))
 
 

@@ -222,7 +222,7 @@ def _pieces(fun: Functions, plan: TimePlan, par: Array, piece: Array, slopes: bo
     delays = {a: float(sum(par[i] for i in ids)) for a, ids in fun.act_delays.items() if ids}
     measured = [a for a, name in enumerate(fun.module.ACTUATORS) if name in plan.measured]
     held = {a: d for a, d in delays.items() if a not in measured}
-    held |= {int(a): held.get(int(a), 0.0) - plan.sooner[a] for a in np.flatnonzero(plan.sooner)}
+    held |= {a: held.get(a, 0.0) - s for a, s in enumerate(plan.sooner.tolist()) if s}
     if slopes:  # seen from the side of longer delays, a hair beyond the edge
         held = {a: d + 1e-7 * float(plan.steps.min()) for a, d in held.items()}
     held = {a: d for a, d in held.items() if d != 0.0}

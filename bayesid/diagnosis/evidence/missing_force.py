@@ -46,8 +46,6 @@ from bayesid.words import digits
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
 # Refits that clean the path, at most.
 MOST_ROUNDS = 3
-
-
 # Rows that are another one while the vehicle goes ahead.
 AHEAD_THE_SAME = {"X_uu": "X_u|u|", "X_u|u|": "X_uu"}
 
