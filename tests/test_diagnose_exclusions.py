@@ -13,6 +13,7 @@ from bayesid.diagnosis.data.event import Event, without_readings
 from bayesid.diagnosis.data.outliers import stripped
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.form_stage import Compared
+from bayesid.diagnosis.hypotheses.sensitivity_bank import not_asked, testable
 from bayesid.errors import ModelError, TrialError
 from bayesid.trials import Run
 
@@ -239,3 +240,23 @@ def test_runs_that_cannot_be_followed_at_all_are_named_with_the_next_move(monkey
     monkeypatch.setattr(exclusions, "fit", fit)
     with pytest.raises(ModelError, match=r"along the readings of b \(it diverges\).*trial check.*--resample"):
         exclusions._begun(problem)
+
+
+@pytest.mark.parametrize(
+    ("known", "asked"),
+    [
+        (("Y_vvv,U", "N_rrr,U"), False), (("Y_vvv", "N_rrr", "N_v"), False), (("Y_vvv,U",), True),
+        (("Y_vvr,U", "N_rrr"), True), ((), True),
+    ],
+)  # fmt: skip
+def test_what_the_file_of_a_vehicle_has_as_uncertain_rows_is_not_asked_as_an_effect(known, asked):
+    """A ship by Abkowitz or MMG has the cubes of its own; a wrong value of them is a wrong coefficient."""
+    model = model_of("kvlcc2_mmg")
+    problem = Plain(
+        model=model, logs=[Plain(plan=Plain(measured=()))], channels=("x", "y", "psi"),
+        coefficients=Plain(names=known), stated=Plain(names=known), form=None, velocity_from_track=False,
+    )  # fmt: skip
+    assert testable(problem, model.effects["cubic_damping"]) is asked
+    assert testable(problem, model.effects["crossflow_drag"])
+    said = " ".join(not_asked(problem))
+    assert ("cubic damping is not asked" in said) is not asked

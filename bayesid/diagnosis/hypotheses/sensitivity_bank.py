@@ -91,6 +91,8 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
         return False  # equations that lack a force do not tell it from a single screw
     if effect.at_surface and _submerged(problem):
         return False
+    if own_rows(problem, effect):
+        return False  # wrong values of its own rows are hypotheses of their own
     if effect.name == "position_lever_arm" and problem.velocity_from_track:
         return False
     slowed = _slowed(problem.model, effect)
@@ -110,10 +112,25 @@ def not_asked(problem: DiagnosisProblem) -> tuple[str, ...]:
         late = "they lag behind their" if many else "it lags behind its"
         told = f"{and_list(names)} {'are' if many else 'is'} measured in every run"
         out.append(f"{told}: whether {late} orders is not asked")
+    for effect in problem.model.effects.values():
+        if own := own_rows(problem, effect):
+            said = effect.name.replace("_", " ")
+            out.append(
+                f"the vehicle file has {and_list(own)}: {said} is not asked beside what they may be off"
+            )
     if _submerged(problem):
         above = [e.name.replace("_", " ") for e in problem.model.effects.values() if e.at_surface]
         out.append(f"every run is deeper than half the length of the vehicle: {and_list(above)} is not asked")
     return tuple(out)
+
+
+def own_rows(problem: DiagnosisProblem, effect: Effect) -> tuple[str, ...]:
+    """Uncertain coefficients of the vehicle that are what an effect adds, all of it; else none."""
+    if effect.port != "force":
+        return ()
+    stated = {name.partition(",")[0]: name for name in problem.stated.names}
+    own = tuple(stated[p.name] for p in effect.parameters if p.name in stated)
+    return own if len(own) == len(effect.parameters) else ()
 
 
 def _submerged(problem: DiagnosisProblem) -> bool:
