@@ -309,3 +309,16 @@ def test_thresholds_are_what_trials_without_effect_reach_by_chance():
     assert 3.0 <= limit.named < np.log(len(bank.effects) / 0.01) + 1
     assert np.mean(moved > limit.conflict) <= 0.0101
     assert thresholds(bank, tried=100, seed=1) == limit
+
+
+def test_known_values_of_some_columns_leave_the_equations_of_what_they_leave():
+    rng = np.random.default_rng(5)
+    resid, columns = rng.standard_normal(30), rng.standard_normal((30, 4))
+    values, known, rest = np.array([0.7, -2.0]), np.array([1, 3]), np.array([0, 2])
+    found = normal_equations(resid, columns, 2.0, 30).given(known, values).pick(rest)
+    expected = normal_equations(resid - columns[:, known] @ values, columns[:, rest], 2.0, 30)
+    assert found.ee == pytest.approx(expected.ee) and posterior(found).log_evidence == pytest.approx(
+        posterior(expected).log_evidence
+    )
+    np.testing.assert_allclose(found.se, expected.se)
+    np.testing.assert_array_equal(found.ss, expected.ss)

@@ -243,6 +243,16 @@ def test_kinematics_has_no_say_outside_the_range_of_an_effect():
     assert all(value >= 0.0 for value, _ in parameters_told(problem, refit).values())
 
 
+def test_kinematics_credits_a_compass_that_settles_with_no_more_than_it_explains():
+    """Without the error of the compass there is no time to settle: a bias that stays explains more."""
+    model = model_of("generic_sub")
+    told = {}
+    for name in ("heading_bias", "heading_settling"):
+        problem, refit = lacking(model, name, values={"heading_bias.bias": 0.05})
+        told[name] = by_kinematics(problem, refit).evidence
+    assert 20.0 < told["heading_settling"] < told["heading_bias"]
+
+
 def test_kinematics_does_not_part_a_turned_compass_from_turned_velocities():
     """Only their difference turns the track against the heading: each is told alone, neither beside it."""
     model = model_of("generic_sub")

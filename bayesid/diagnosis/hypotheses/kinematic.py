@@ -9,7 +9,7 @@ another without them; what they gain besides rests on the equations, and is wort
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     explains,
     log_mass_in_range,
     parameter_table,
+    size_columns,
     spread_over_runs,
     widened_by_few,
 )
@@ -74,12 +75,14 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
     overestimated = np.maximum(noise_model.force, FREE_FORCE * force_unit(model))
     columns = {n: [free.names.index(model.effects[n].key(p.name)) for p in model.effects[n].parameters
                    if model.effects[n].key(p.name) in free.names] for n in asked}  # fmt: skip
+    z = (fitted.values - free.mean) / free.sd
 
-    def without(names: Collection[str]) -> np.ndarray:
-        return np.setdiff1d(np.arange(len(free.names)), [i for n in names for i in columns[n]])
-
-    def evidence(kept: np.ndarray) -> float:
-        some = posterior(total.pick(kept))
+    def evidence(without: Sequence[str] = ()) -> float:
+        gone = np.array([i for n in without for i in columns[n]], dtype=int)
+        # an effect of no size shows no shape: a time to settle stays where the columns of both were taken
+        shape = np.setdiff1d(gone, [i for own in size_columns(model, free.names, without) for i in own])
+        kept = np.setdiff1d(np.arange(len(free.names)), gone)
+        some = posterior(total.given(shape, z[shape]).pick(kept))
         return some.log_evidence + log_mass_in_range(model, fitted, some, kept)
 
     try:
@@ -87,8 +90,8 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
             model, fitted.paths, free, replace(noise_model, force=tuple(overestimated))
         )
         total = sum(equations[1:], equations[0])
-        whole = evidence(without(()))
-        lost = [whole - evidence(without(n)) for n in (asked, *([n] for n in asked))]
+        whole = evidence()
+        lost = [whole - evidence(n) for n in (asked, *([n] for n in asked))]
         found_so = posterior(total)
     except (ModelError, np.linalg.LinAlgError):
         return NOTHING

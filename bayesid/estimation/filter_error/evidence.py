@@ -56,6 +56,12 @@ class NormalEquations:
             self.used - other.used,
         )
 
+    def given(self, columns: Array, values: Array) -> NormalEquations:
+        """Products with the residual that known values of some columns leave, (k,) and as many."""
+        moved = self.ss[:, columns] @ values
+        less = float(values @ (2.0 * self.se[columns] - moved[columns]))
+        return NormalEquations(self.ss, self.se - moved, self.ee - less, self.logdet, self.used)
+
     def pick(self, columns: Array) -> NormalEquations:
         """normal matrix of some of the columns."""
         return NormalEquations(
