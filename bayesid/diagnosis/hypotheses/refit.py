@@ -173,23 +173,23 @@ def refit_screened(
 ) -> list[RefittedHypothesis]:
     """Candidate of one screened effect, begun at the fit without any where that explains the data.
 
-    One without a slope when off gets a second start, from the screen's own estimate, where the first does not
-    explain the data or the screen's best size is far from it.
+    One without a slope when off begins at the size the screen finds best where that is not near off: it finds
+    the nearest hill. Where that does not arrive it begins at the usual size and from the screen's estimate.
     """
     effect = problem.model.effects[score.name]
-    begun = {} if effect.dated is None else {score.name: score.start}
+    far = not effect.smooth and effect.dated is None and score.start[0] > 2.0 * USUAL_START
+    begun = {score.name: score.start} if far or effect.dated is not None else {}
     out = refit(problem, (effect,), notify, begun, none, score.gain)
-    near = effect.smooth or effect.dated is not None or score.start[0] <= 2.0 * USUAL_START
-    if effect.smooth or (near and any(explains(c) for c in out)):
+    least = _least(none, score.gain) if far else -np.inf
+    if effect.smooth or any(explains(c) and c.fit.log_evidence > least for c in out):
         return out
-    return refit_again(
-        problem,
-        (effect,),
-        _estimated(problem, bank, score),
-        max(problem.path_level, FOLLOWING_FORCE_LEVEL),
-        out,
-        notify,
-    )
+    level = max(problem.path_level, FOLLOWING_FORCE_LEVEL)
+    if far:
+        usual = first_fit(problem, (effect,), problem.path)
+        out = refit_again(problem, (effect,), usual, level, out, notify)
+    if not far or not any(explains(c) for c in out):
+        out = refit_again(problem, (effect,), _estimated(problem, bank, score), level, out, notify)
+    return out
 
 
 def sizes_of(
