@@ -210,6 +210,19 @@ def test_alike_effects_are_exchanged_once_there_are_two(monkeypatch):
     assert ("lag", "push") in left or ("push", "lag") in left
 
 
+@pytest.mark.parametrize("followed", [True, False])
+def test_three_are_exchanged_where_no_pair_followed_the_readings(monkeypatch, followed):
+    """A current is found third; only beside it is a late rudder told from a slow one, which came first."""
+    evidence = THREE | {"dead+scale+wind": 900.0, "dead+wind": 950.0}
+    world = World(monkeypatch, evidence, SCREENS, poor=() if followed else ("wind", "lag+wind"))
+    world.rivals = {"lag": ("dead",)}
+    world.evidence.update({"dead+wind": 120.0} if followed else {})
+    world.poor = (*world.poor, "dead+wind")
+    found, _ = world.run("wind")
+    assert ("dead+scale+wind" in found) is not followed
+    assert found[0] == ("lag+scale+wind" if followed else "dead+wind")
+
+
 def test_a_pair_one_begins_with_is_exchanged_before_a_third_is_looked_for(monkeypatch):
     """Begun at the best pair of another environment, whose look-alike is better in this one."""
     evidence = {"lag+wind": 160.0, "lag+push": 190.0, "lag": 10.0, "push": 10.0, "wind": 10.0}

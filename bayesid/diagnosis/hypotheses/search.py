@@ -58,7 +58,8 @@ def search_several(
     Parameters
     ----------
     alike : whose rivals take an effect's place in pairs. Beside the wrong one of two alike effects the second
-        cause is not found, or not in its full size.
+        cause is not found, or not in its full size. So in triples where no pair follows the readings: the
+        first two were chosen without a fit that does.
     left : what some explanations leave, where it is known
     """
     left = dict(left or {})
@@ -88,9 +89,9 @@ def search_several(
                 left[current.effects] = remainder(problem, current)
             if step < LEAST_FREE_SIGNAL_SHARE * (left[current.effects].outside - left[current.effects].base):
                 break
-        refits = [*tried, *refits]
+        refits, followed = [*tried, *refits], explains(current)
         current = best
-        if len(current.effects) == 2:
+        if len(current.effects) == 2 or not followed:
             refits, current = _exchanged(problem, refits, current, alike, notify)
     while len(current.effects) > 1:
         less = _one_less(problem, refits, current, notify)
