@@ -246,7 +246,7 @@ def test_runs_that_cannot_be_followed_at_all_are_named_with_the_next_move(monkey
     ("known", "asked"),
     [
         (("Y_vvv,U", "N_rrr,U"), False), (("Y_vvv", "N_rrr", "N_v"), False), (("Y_vvv,U",), True),
-        (("Y_vvr,U", "N_rrr"), True), ((), True),
+        (("Y_vvv,U", "N_rrr,eta"), True), (("Y_vvr,U", "N_rrr"), True), ((), True),
     ],
 )  # fmt: skip
 def test_what_the_file_of_a_vehicle_has_as_uncertain_rows_is_not_asked_as_an_effect(known, asked):

@@ -128,9 +128,8 @@ def own_rows(problem: DiagnosisProblem, effect: Effect) -> tuple[str, ...]:
     """Uncertain coefficients of the vehicle that are what an effect adds, all of it; else none."""
     if effect.port != "force":
         return ()
-    stated = {name.partition(",")[0]: name for name in problem.stated.names}
-    own = tuple(stated[p.name] for p in effect.parameters if p.name in stated)
-    return own if len(own) == len(effect.parameters) else ()
+    own = [n for p in effect.parameters for n in (p.name, f"{p.name},U") if n in problem.stated.names]
+    return tuple(own) if {n.partition(",")[0] for n in own} == {p.name for p in effect.parameters} else ()
 
 
 def _submerged(problem: DiagnosisProblem) -> bool:
