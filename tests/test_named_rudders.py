@@ -184,6 +184,27 @@ def test_a_fit_that_is_not_final_asks_for_the_forces_it_holds(zigzags):
     assert "thruster_3_gain" in every and "thruster_3_gain" not in said
 
 
+def test_the_lag_of_a_fin_is_that_of_its_effect(tmp_path):
+    """`lag` of [actuators.NAME] was refused: it was taken for that of a thruster."""
+    file = tmp_path / "launch.toml"
+    file.write_text(LAUNCH.replace("F_uu = 300.0", "F_uu = 300.0\nlag = 0.4"))
+    vehicle = load_vehicle(file)
+    assert [fin.lag for fin in vehicle.fins] == [0.4, 0.4] and not vehicle.effects
+    file.write_text(LAUNCH)
+    lagging, plain = build_model(vehicle, 3), build_model(load_vehicle(file), 3)
+    late = plain.nominal.copy()
+    late[[plain.index[f"delta_{name}_lag.tau"] for name in "12"]] = 0.4
+    t = np.arange(0.0, 30.0, 0.5)
+    orders = {"n_3_cmd": np.full(t.size, 600.0)} | {f"delta_{n}_cmd": 0.2 * (t > 5.0) for n in "12"}
+
+    def heading(model, par):
+        states = simulate(model, par, plan_run(model, t, orders), steady_start(model)).states
+        return states[:, model.states.index("psi")]
+
+    assert np.ptp(heading(plain, plain.nominal) - heading(plain, late)) > 0.005
+    np.testing.assert_allclose(heading(lagging, lagging.nominal), heading(plain, late), atol=1e-12)
+
+
 def test_fins_that_are_no_twins_have_no_common_effect(zigzags):
     vehicle = model_of(zigzags).vehicle
     apart = tuple(replace(f, F_uu=f.F_uu * k) for k, f in enumerate(vehicle.fins, 1))

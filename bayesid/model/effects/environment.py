@@ -111,13 +111,17 @@ EFFECTS = (
     ),
     Effect(
         name="trim_weight",
-        says="The vehicle is {weight_excess:N:heavier:lighter} than the water it displaces.",
+        says="The vehicle is {weight_excess:N:heavier:lighter} in the water than the simulator's.",
         family="trim_weight",
         port="force",
         where=("Z", "M", "Z+M"),
         parameters=(
-            EffectParameter("weight_excess", "N", 5e-4, "rho*L**2*U**2/2", about="W - B"),
-            EffectParameter("x", "m", 0.2, "L", shape=True, about="where the excess weight sits"),
+            EffectParameter(
+                "weight_excess", "N", 5e-4, "rho*L**2*U**2/2", about="W - B over that of the vehicle"
+            ),
+            EffectParameter(
+                "x", "m", 0.2, "L", low=-0.5, high=0.5, shape=True, about="where the excess weight sits"
+            ),
         ),
         force={
             "X": "-weight_excess*sin(theta)",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 from bayesid.errors import VehicleError
@@ -293,7 +294,8 @@ def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> tuple[Actua
         return None
     if abs(length - 1.0) > UNIT:  # a unit vector that was written is read as it was
         values["direction"] = tuple(one / length for one in values["direction"])
-    lag = values.pop("lag", 0.0)
+    own = any(field.name == "lag" for field in fields(kind))  # a fin's, which is no effect
+    lag = 0.0 if own else values.pop("lag", 0.0)
     found = kind(name=name, **values)
     for text in found.problems:
         inside.problem(text)
