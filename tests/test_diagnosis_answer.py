@@ -18,6 +18,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     LEEWAY,
     LEFT_OUT_WORSE,
     MOTION_EVENT,
+    NO_SIZE_BESIDE_FORM,
     NONE_SURE,
     TURNS_BY_ITSELF,
     UNSURE,
@@ -957,3 +958,25 @@ def test_where_a_cause_and_a_force_of_the_motion_explain_as_much_both_are_said()
     assert "0.9" not in said and "act beside it" not in said  # the probabilities know nothing of that force
     beside = replace(both, set95=("model_form", "outside", "wind"))
     assert cannot_tell(beside).endswith("What may act beside it: wind.")
+
+
+def test_what_probably_acts_beside_a_force_the_equations_lack_stands_in_the_first_sentence():
+    """ "no cause beside it can be told" stood above "What may act beside it: thrust loss (0.97)"."""
+    lacks = replace(
+        a_result("model_form", (), ()), rule=NO_SIZE_BESIDE_FORM,
+        set95=("model_form", "thrust_loss", "outside"), acting={"thrust_loss": 0.97, "outside": 0.4},
+    )  # fmt: skip
+    told = answer(lacks).headline
+    assert told.endswith(f"thrust loss (0.97) may act beside it, not named: {WHY['size']}.")
+    two = replace(
+        lacks, rule="model form", set95=("model_form", "wind", "heading_bias"),
+        acting={"wind": 0.97, "heading_bias": 0.95}, unnamed={"wind": "form", "heading_bias": "leeway"},
+    )  # fmt: skip
+    assert f"not named: of wind, {WHY['form']}; of heading bias, {WHY['leeway']}" in answer(two).headline
+    alike = answer(replace(two, unnamed={})).headline
+    assert alike.endswith(
+        f"wind (0.97) and heading bias (0.95) may act beside it, not named: of each, {WHY['form']}."
+    )
+    # control: nothing that is more likely than not
+    unlikely = answer(replace(lacks, acting={"thrust_loss": 0.4})).headline
+    assert unlikely.endswith("no cause beside it can be told.")

@@ -63,7 +63,7 @@ from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentenc
 from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.diagnosis.third_model import as_given, coefficients_alone, explained_words, in_its_place
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
-from bayesid.diagnosis.unnamed_words import unnamed_words
+from bayesid.diagnosis.unnamed_words import beside_a_form, unnamed_words
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.named import of_named_actuator
 from bayesid.places import NOWHERE, Places
@@ -164,11 +164,8 @@ def _headline(result: Result) -> str:
         said = f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".")
         return " ".join([said, *_in_place_of(result)]) + left
     if word == "model_form":
-        return (
-            "The equations lack a force that depends on the motion"
-            + _like(result)
-            + ("; no cause beside it can be told.")
-        )
+        lacked = "The equations lack a force that depends on the motion" + _like(result)
+        return f"{lacked}; {beside_a_form(result)}."
     if result.rule in OUTSIDE_SAID:
         known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""

@@ -33,6 +33,7 @@ CAUSE_OR_FORM = "unlisted cause or a force of the motion"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
 OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
 BESIDE_FORM = "coefficient beside a model form"
+NO_SIZE_BESIDE_FORM = "no size beside a model form"
 OUTSIDE_SAID = (MOTION_EVENT, OTHER_DEPENDENCE)  # rules that say what is outside the list
 LEFT_OUT_WORSE = "left-out runs predicted worse"  # said of two checks that fail, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
@@ -230,7 +231,7 @@ RULES: tuple[Rule, ...] = (
         "best explanation",
     ),
     Rule(
-        "no size beside a model form",
+        NO_SIZE_BESIDE_FORM,
         lambda f: f.form and f.idle,
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and the sizes of the best "
