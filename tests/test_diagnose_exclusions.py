@@ -13,7 +13,7 @@ from bayesid.diagnosis.data.event import Event, without_readings
 from bayesid.diagnosis.data.outliers import stripped
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.form_stage import Compared
-from bayesid.diagnosis.hypotheses.sensitivity_bank import not_asked, testable
+from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.errors import ModelError, TrialError
 from bayesid.trials import Run
 
@@ -242,6 +242,10 @@ def test_runs_that_cannot_be_followed_at_all_are_named_with_the_next_move(monkey
         exclusions._begun(problem)
 
 
+def exactly(stated):
+    return Plain(names=stated.names, mean=stated.mean, sd=0.01 * stated.sd)
+
+
 @pytest.mark.parametrize(
     ("known", "asked"),
     [
@@ -254,9 +258,14 @@ def test_what_the_file_of_a_vehicle_has_as_uncertain_rows_is_not_asked_as_an_eff
     model = model_of("kvlcc2_mmg")
     problem = Plain(
         model=model, logs=[Plain(plan=Plain(measured=()))], channels=("x", "y", "psi"),
-        coefficients=Plain(names=known), stated=Plain(names=known), form=None, velocity_from_track=False,
+        coefficients=Plain(names=known), form=None, velocity_from_track=False,
+        stated=Plain(names=known, mean=np.full(len(known), -2.0), sd=np.full(len(known), 0.2)),
     )  # fmt: skip
-    assert testable(problem, model.effects["cubic_damping"]) is asked
-    assert testable(problem, model.effects["crossflow_drag"])
-    said = " ".join(not_asked(problem))
-    assert ("cubic damping is not asked" in said) is not asked
+    cubes = model.effects["cubic_damping"]
+    assert banks.testable(problem, cubes) is asked
+    assert banks.testable(problem, model.effects["crossflow_drag"])
+    # a user's effect of that name may be another force, and a row known to a thousandth is no other force
+    assert banks.testable(problem, replace(cubes, as_form=""))
+    assert banks.testable(Plain(**vars(problem) | {"stated": exactly(problem.stated)}), cubes)
+    said = " ".join(banks.not_asked(problem))
+    assert ("cubic damping is told as an error of these rows" in said) is not asked

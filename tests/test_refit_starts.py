@@ -1,11 +1,13 @@
 """Where refits of an effect without a slope when off begin, and that they arrive from there."""
 
 from dataclasses import replace
+from types import SimpleNamespace as Plain
 
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses import refit as refits
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.diagnosis.hypotheses.candidate import parameter_table, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.refit import refit, refit_screened, sizes_of
@@ -60,3 +62,43 @@ def test_an_effect_that_alone_came_out_as_nothing_does_not_begin_at_nothing():
     moved = replace(alone, fit=replace(alone.fit, values=free.mean + free.sd))
     assert sizes_of(problem, [off]) == {}
     assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx((1.0,))}
+
+
+@pytest.mark.parametrize(
+    ("size", "gains", "asked"),
+    [
+        (0.8, [5.0], ["usual"]),  # near off: the first that explains is kept, whatever was promised
+        (0.8, [None, 90.0], ["usual", "estimate"]),
+        (3.0, [85.0], ["screen"]),
+        (3.0, [75.0, 85.0], ["screen", "usual"]),  # short of four fifths of 100 nats
+        (3.0, [75.0, 70.0, 90.0], ["screen", "usual", "estimate"]),
+        (3.0, [None, None, None], ["screen", "usual", "estimate"]),
+    ],
+)
+def test_a_refit_begins_elsewhere_until_it_gains_what_was_promised(monkeypatch, size, gains, asked):
+    """Gains of the refits in turn over none; without a number the refit does not follow the readings."""
+    begun, left = [], list(gains)
+
+    def candidate(gain):
+        lost = gain is None
+        fit = Plain(converged=not lost, chi2=9.0 if lost else 1.0, log_evidence=0.0 if lost else 50.0 + gain)
+        return Plain(fit=fit, log_evidence=fit.log_evidence)
+
+    def first(problem, effects, notify, sizes, none, promised):
+        begun.append("screen" if sizes == {"late": (size,)} else "usual")
+        return [candidate(left.pop(0))]
+
+    def again(problem, effects, start, level, out, notify):
+        begun.append(start)
+        return [max(*out, candidate(left.pop(0)), key=lambda c: (c.fit.converged, c.log_evidence))]
+
+    monkeypatch.setattr(refits, "refit", first)
+    monkeypatch.setattr(refits, "refit_again", again)
+    monkeypatch.setattr(refits, "first_fit", lambda problem, effects, path: "usual")
+    monkeypatch.setattr(refits, "_estimated", lambda problem, bank, score: "estimate")
+    effect = Plain(name="late", smooth=False, dated=None)
+    problem = Plain(model=Plain(effects={"late": effect}), path=(), path_level=0.0)
+    score = Plain(name="late", start=(size,), gain=100.0)
+    (found,) = refit_screened(problem, None, score, print, candidate(0.0))
+    assert begun == asked and not left
+    assert found.log_evidence == max([50.0 + g for g in gains if g is not None], default=0.0)

@@ -88,8 +88,8 @@ def causes(
     hidden = [n for n in names if not testable(problem, model.effects[n])]
     if hidden:
         raise ModelError(
-            f"{', '.join(hidden)} cannot show in the channels {', '.join(problem.channels)}, or is of an "
-            "actuator whose position is measured in every run"
+            f"{', '.join(hidden)} cannot show in the channels {', '.join(problem.channels)}, is of an "
+            "actuator whose position is measured in every run, or is a force whose rows the vehicle file has"
         )
     effects = [model.effects[n] for n in dict.fromkeys(names)]
     bank = build_bank(problem, problem.path, [problem.environment.noise_model], effects)

@@ -80,7 +80,10 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
     def evidence(without: Sequence[str] = ()) -> float:
         gone = np.array([i for n in without for i in columns[n]], dtype=int)
         # an effect of no size shows no shape: a time to settle stays where the columns of both were taken
-        shape = np.setdiff1d(gone, [i for own in size_columns(model, free.names, without) for i in own])
+        sized = {n: size_columns(model, free.names, [n]) for n in without}
+        shape = np.array(
+            [i for n, own in sized.items() for i in columns[n] if own and i not in own[0]], dtype=int
+        )
         kept = np.setdiff1d(np.arange(len(free.names)), gone)
         some = posterior(total.given(shape, z[shape]).pick(kept))
         return some.log_evidence + log_mass_in_range(model, fitted, some, kept)

@@ -180,14 +180,19 @@ def refit_screened(
     far = not effect.smooth and effect.dated is None and score.start[0] > 2.0 * USUAL_START
     begun = {score.name: score.start} if far or effect.dated is not None else {}
     out = refit(problem, (effect,), notify, begun, none, score.gain)
-    least = _least(none, score.gain) if far else -np.inf
-    if effect.smooth or any(explains(c) and c.fit.log_evidence > least for c in out):
+    # a gain may be as small as refits scatter, and other explanations are held to it
+    base = none.fit.log_evidence if far and none is not None and explains(none) else -np.inf
+
+    def arrived() -> bool:
+        return any(explains(c) and c.fit.log_evidence > base + ARRIVED_SHARE * score.gain for c in out)
+
+    if effect.smooth or arrived():
         return out
     level = max(problem.path_level, FOLLOWING_FORCE_LEVEL)
     if far:
         usual = first_fit(problem, (effect,), problem.path)
         out = refit_again(problem, (effect,), usual, level, out, notify)
-    if not far or not any(explains(c) for c in out):
+    if not arrived():
         out = refit_again(problem, (effect,), _estimated(problem, bank, score), level, out, notify)
     return out
 

@@ -27,6 +27,8 @@ from bayesid.simulation import interval_maps, readings_on
 from bayesid.threads import each
 from bayesid.words import and_list
 
+# Share of a coefficient within which it is known: ten times that is no other force.
+KNOWN = 0.01
 # A prior that is too narrow as a whole: how many times its standard deviations.
 EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
 
@@ -115,9 +117,7 @@ def not_asked(problem: DiagnosisProblem) -> tuple[str, ...]:
     for effect in problem.model.effects.values():
         if own := own_rows(problem, effect):
             said = effect.name.replace("_", " ")
-            out.append(
-                f"the vehicle file has {and_list(own)}: {said} is not asked beside what they may be off"
-            )
+            out.append(f"the vehicle file has {and_list(own)}: {said} is told as an error of these rows")
     if _submerged(problem):
         above = [e.name.replace("_", " ") for e in problem.model.effects.values() if e.at_surface]
         out.append(f"every run is deeper than half the length of the vehicle: {and_list(above)} is not asked")
@@ -125,10 +125,12 @@ def not_asked(problem: DiagnosisProblem) -> tuple[str, ...]:
 
 
 def own_rows(problem: DiagnosisProblem, effect: Effect) -> tuple[str, ...]:
-    """Uncertain coefficients of the vehicle that are what an effect adds, all of it; else none."""
-    if effect.port != "force":
+    """Uncertain coefficients of the vehicle that are the force of the motion an effect adds, all of it."""
+    if effect.as_form != "also":
         return ()
-    own = [n for p in effect.parameters for n in (p.name, f"{p.name},U") if n in problem.stated.names]
+    known = problem.stated
+    free = {n for n, m, sd in zip(known.names, known.mean, known.sd, strict=True) if sd > KNOWN * abs(m)}
+    own = [n for p in effect.parameters for n in (p.name, f"{p.name},U") if n in free]
     return tuple(own) if {n.partition(",")[0] for n in own} == {p.name for p in effect.parameters} else ()
 
 
