@@ -686,6 +686,10 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
     ("text", "words"),
     [
         ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsy = 'yaw'", "did you mean 'psi'"),
+        (  # the column of another channel was suggested: fin 4 in place of fin 3
+            "[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'yaw'\ntheta = 'jaw'",
+            "has no series 'jaw' for theta; it has",
+        ),
         (
             "[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = { from = 'yaw', unit = 'kn' }",
             "unit of speed",

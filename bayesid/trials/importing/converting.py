@@ -5,6 +5,8 @@ Takes a `LogMap` and a `Recording`. Does not: read files, or bring series to com
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,13 +74,16 @@ def convert(
     origins: dict[str, Origin] = {}
     labels: dict[str, str] = {}
     problems: list[str] = []
+    taken: dict[str, set[str]] = defaultdict(set)
+    for label, name in (resolve(found, role) for role in found.channels):
+        taken[label].add(name)
     for role, entry in found.channels.items():
         label, name = resolve(found, role)
         if label not in recording.logs:
             continue
         log = recording.logs[label]
         series = log.by_name.get(name)
-        near = _near(name, role, log) if series is None else ""
+        near = _near(name, role, log, taken[label]) if series is None else ""
         if series is None and len(found.sources[label].files) > 1:
             recording.notices.append(f"{Path(log.path).name} has no {name!r} for {role}{near}")
             continue
@@ -170,14 +175,17 @@ _OWN = frozenset(name for name, row in ROLES.items() if row.bare and name not in
 ))  # fmt: skip
 
 
-def _near(name: str, role: str, log: RawLog) -> str:
-    """The series that was meant: one whose name tells the same role, else spelt alike without its unit."""
+def _near(name: str, role: str, log: RawLog, taken: Collection[str]) -> str:
+    """The series that was meant: one whose name tells the same role, else spelt alike without its unit; none
+    that is another channel of the map.
+    """
     import difflib
 
     bare = {split_unit(other)[0].lower(): other for other in (*log.others, *log.by_name)}
-    same = [other for word, other in bare.items() if role_of_name(word) == role]
-    alike = difflib.get_close_matches(split_unit(name)[0].lower(), bare, n=1, cutoff=ALIKE)
-    near = [*same[:1], *(bare[word] for word in alike)]
+    free = {word: other for word, other in bare.items() if other not in taken}
+    same = [other for word, other in free.items() if role_of_name(word) == role]
+    alike = difflib.get_close_matches(split_unit(name)[0].lower(), free, n=1, cutoff=ALIKE)
+    near = [*same[:1], *(free[word] for word in alike)]
     return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(list(bare.values())[:8])}"
 
 
