@@ -150,6 +150,7 @@ def test_a_header_tells_its_positive_side(header, side):
         ("dvl_temp", None), ("dvl_port_mps", "v"), ("dvl_up_kn", "w"), ("sway_port [m/s]", "v"),
         ("ahrs_yaw_enu_deg", "psi"), ("yaw_ned", "psi"), ("vel_ned_y", None), ("port_rpm", None),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
+        ("gyro_roll_dps", "p"), ("gyro_pitch_dps", "q"), ("gyro_yaw_dps", "r"), ("gyro_yaw_deg", "psi"),
     ],
 )  # fmt: skip
 def test_a_header_gives_its_role(header, role):

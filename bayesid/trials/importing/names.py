@@ -163,6 +163,8 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
     tails = _tails(kept) + _field_of_struct(channel)
     if channel.unit in ("rpm", "rps"):  # engine_rpm is split into a name and a unit
         tails.append((f"{kept} {channel.unit}", 2.0))
+    if channel.unit in ("deg/s", "rad/s") and not kept.endswith("rate"):  # gyro_yaw_dps is one of a rate
+        tails += _tails(f"{kept} rate")
     without = " ".join(AXES.sub(" ", kept).split())
     in_axes = [] if without == kept else [(tail, score - _OF_AXES) for tail, score in _tails(without)]
     for role, pattern in _COMPILED:
