@@ -522,6 +522,18 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     assert "X_vvvv" in said and "N_vvv" not in said
 
 
+@pytest.mark.parametrize(
+    ("form_sd", "fails"), [(0.0, True), (0.0004, True), (0.02, True), (0.022, False), (0.06, False)]
+)
+def test_a_row_that_the_force_the_equations_lack_is_made_of_is_no_failed_check(form_sd, fails):
+    """X_vvvv of a tanker moved by 424 stated deviations, 4 of those a form of its size gives it."""
+    row = Moved(0.00507, 0.000507, 0.22, 0.22, 0.055, 0.055, form_sd=form_sd)
+    found = replace(a_result("model_form", (), (), 0.0), moved={"X_vvvv": row})
+    assert any("far from those stated" in text for text in failures(found)) is fails
+    said = answer(found).moved[0]
+    assert ("part of the force the equations lack" in said) is (form_sd > row.prior_sd)
+
+
 def test_where_the_explanation_keeps_coefficients_as_given_no_change_of_them_by_it_is_listed():
     """Every line ended with "explained +0 %"."""
     moved = {"N_v": Moved(-1.0, 0.1, -1.5, -1.0, 0.01)}

@@ -235,6 +235,7 @@ def _moved(
     stated, out = problem.stated, {}
     other = best.effects and best.fit is not explained.fit
     known = dict(zip(explained.fit.free.names, explained.fit.sd, strict=True))
+    widened = np.sqrt(np.maximum(problem.coefficients.sd[: len(stated.names)] ** 2 - stated.sd**2, 0.0))
     for i, name in enumerate(stated.names):
         scale = model.file_scale(name)
         out[name] = Moved(
@@ -247,6 +248,7 @@ def _moved(
             name in model.vehicle.completed,
             float(best.fit.values[i] / scale) if other else None,
             _number(best.fit.sd[i] / abs(scale)) if other else None,
+            float(widened[i] / abs(scale)),
         )
     return out
 

@@ -288,12 +288,11 @@ class Moved:
         ),
     ] = None
     beside_sd: Annotated[float | None, About("Standard deviation of that.")] = None
+    form_sd: Annotated[float, About("By how much a force the equations lack widens it, one sd.")] = 0.0
 
     @property
     def deviations(self) -> float:
-        """How many of its own standard deviations the re-tuned value is away; of the stated one where its own
-        is not known.
-        """
+        """How many of its own sd the re-tuned value is away; of the stated one where that is not known."""
         return abs(self.retuned - self.given) / (self.retuned_sd or self.prior_sd or math.inf)
 
     @property
