@@ -172,6 +172,45 @@ def test_a_made_file_reads_back_runs_at_its_design_speed_and_lacks_nothing_to_tu
         assert "#" in line, line  # its source
 
 
+@pytest.mark.thorough
+def test_an_x_tail_turns_and_dives_as_a_cross_of_the_same_fins(tmp_path):
+    """Four fins at 45 degrees push sqrt(2) times as hard as the pair of a cross; the hull is the same."""
+    from bayesid.equations.model import build_model
+    from bayesid.simulation import plan_run, simulate, steady_start
+
+    cross = estimate(sheet_of(SHEETS["remus100"], "cross")).vehicle
+    x_tail = SHEETS["remus100"] | {"fins": [{"kind": "x_tail", **EXAMPLE_FIN}]}
+    path = tmp_path / "vehicle.toml"
+    path.write_text(commented_toml(estimate(sheet_of(x_tail, "x"))))
+    vehicle = load_vehicle(path)
+    assert (
+        "clockwise from the upper one on starboard" in path.read_text()
+        and "no rudder" not in path.read_text()
+    )
+    moved = {n for n in cross.coef if n.endswith(("dr", "ds", "drdr", "dsds"))}
+    assert vehicle.coef == pytest.approx({n: c for n, c in cross.coef.items() if n not in moved})
+    turning = sum(fin.F_uu * fin.direction[1] * fin.at[0] for fin in vehicle.fins)
+    assert turning == pytest.approx(math.sqrt(2.0) * coef_si(cross)["N_dr"], rel=1e-4)
+    t, angle = np.arange(0.0, 12.0, 0.2), 0.05
+    up = {"1": 1.0, "2": -1.0, "3": 1.0, "4": -1.0}  # pushes down: the bow goes up
+    shaft = {"n_cmd": np.full(t.size, cross.rpm_ref)}
+    for of_cross, of_each in (
+        ({"delta_r_cmd": angle}, dict.fromkeys("1234", 1.0)),
+        ({"delta_s_cmd": -angle}, up),
+    ):
+        paths = []
+        for one, orders in (
+            (cross, of_cross),
+            (vehicle, {f"delta_{n}_cmd": sign * angle / math.sqrt(2.0) for n, sign in of_each.items()}),
+        ):
+            model = build_model(one, 6)
+            given = shaft | {n: np.full(t.size, value) for n, value in orders.items()}
+            states = simulate(model, model.nominal, plan_run(model, t, given), steady_start(model)).states
+            paths.append(states[:, [model.states.index(n) for n in ("theta", "psi")]])
+        assert np.abs(paths[0][-1]).max() > 0.2
+        np.testing.assert_allclose(paths[1], paths[0], atol=0.01 * np.abs(paths[0]).max())
+
+
 def test_what_was_assumed_is_said_and_widens_the_prior():
     stated = {"length": 3.0, "diameter": 0.32, "mass": 180.0, "speed": 2.0, "rpm": 900.0, "BG": 0.02}
     bare = estimate(sheet_of(stated, "x"))
@@ -209,6 +248,8 @@ def test_the_template_is_a_data_sheet():
         ({"fins": [{"kind": "rudder", "area": 0.01}]}, "needs from_nose and two of"),
         ({"fins": fins(area=0.0066, span=0.09, from_nose=1249.0)}, "from_nose is 1249"),  # mm
         ({"fins": [{"kind": "wing", "area": 0.01, "span": 0.1, "from_nose": 1.0}]}, "must be one of"),
+        ({"fins": fins(count=4, area=0.0066, span=0.09, from_nose=1.2)}, "count = 4: an x_tail has 4"),
+        ({"fins": [{"kind": "x_tail", "count": 2, **EXAMPLE_FIN}]}, "count = 2: an x_tail has 4"),
     ],
 )
 def test_a_data_sheet_that_cannot_be_is_refused_with_the_line_to_mend(change, words):

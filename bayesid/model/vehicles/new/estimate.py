@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles.convention import jacobian, munk_and_coriolis
-from bayesid.model.vehicles.new.fins import CONTROLS, add_fin
+from bayesid.model.vehicles.new.fins import CONTROLS, X_TAIL, add_fin, movable_fins
 from bayesid.model.vehicles.new.hull import Hull, added_mass, body_lift, crossflow, resistance
 from bayesid.model.vehicles.new.new_vehicle import NewVehicle
 from bayesid.model.vehicles.new.parts import WIDEST, Parts
@@ -58,6 +58,8 @@ def estimate(sheet: Sheet) -> NewVehicle:
     inertia = _inertia(hull, mass)
     limit, plane = (math.radians(sheet.number(key)) for key in ("rudder_max_deg", "plane_max_deg"))
     rate = math.radians(sheet.values["rate_deg_s"] or math.inf) if sheet.values["rate_deg_s"] else math.inf
+    of_each = sheet.number("rudder_max_deg"), sheet.values["rate_deg_s"]
+    fins = tuple(one for fin in sheet.fins for one in movable_fins(fin, hull, *of_each))
     vehicle = Vehicle(
         name=sheet.name,
         source="estimated from a data sheet by `bayesid vehicle new`; formulas beside each coefficient",
@@ -66,7 +68,7 @@ def estimate(sheet: Sheet) -> NewVehicle:
         r_G=(0.0, 0.0, sheet.number("BG")), r_B=(0.0, 0.0, 0.0), W=mass * GRAVITY, B=displaced * GRAVITY,
         limits={"delta_r": limit, "delta_s": plane, "delta_b": plane if "X_dbdb" in coef else math.inf},
         rates=dict.fromkeys(("delta_r", "delta_s", "delta_b"), rate),
-        propulsion=propulsion, crossflow=None, coef=coef,
+        propulsion=propulsion, crossflow=None, coef=coef, fins=fins,
         prior=CoefficientPrior({name: float(f"{parts.relative_sd(name):.2g}") for name in coef}),
         dimensions={"L_oa": hull.length, "diameter": hull.diameter},
     )  # fmt: skip
@@ -161,6 +163,12 @@ def _notes(sheet: Sheet, hull: Hull, parts: Parts, thrust_note: str) -> tuple[st
         notes.append(
             "Where parts cancel, even the sign is open; whether the vehicle is straight-line stable is too."
         )
-    if not any(fin.kind in CONTROLS and not fin.assumed for fin in sheet.fins):
+    if any(fin.kind == X_TAIL for fin in sheet.fins):
+        notes.append(
+            "Fins 1 to 4 of the X tail: clockwise from the upper one on starboard, seen from behind; a "
+            "positive angle of each pushes the stern to starboard, as a rudder to port does. Turn "
+            "`direction` of those that your vehicle counts the other way."
+        )
+    if not any(fin.kind in (*CONTROLS, X_TAIL) and not fin.assumed for fin in sheet.fins):
         notes.append("How strong rudder and planes are is a guess: no movable fin is stated.")
     return tuple(notes)

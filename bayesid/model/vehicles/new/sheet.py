@@ -17,7 +17,7 @@ from typing import Any
 
 from bayesid.errors import VehicleError, raise_all
 from bayesid.model.vehicles.fields import TomlTable
-from bayesid.model.vehicles.new.fins import KINDS, Fin
+from bayesid.model.vehicles.new.fins import KINDS, X_TAIL, Fin
 from bayesid.model.vehicles.new.hull import Hull
 from bayesid.model.vehicles.new.sheet_key import Key, template_line
 from bayesid.model.vehicles.new.ship_sheet import SHIP_KEY, SHIP_KEYS, ShipSheet, ship_sheet_of
@@ -51,7 +51,7 @@ FIN_KEYS: dict[str, Key] = {
     "chord": Key("m", "mean of one"),
     "aspect_ratio": Key("-", "span squared over area of one", 0.05, 50.0),
     "from_nose": Key("m", "middle of its chord"),
-    "count": Key("-", "2: a pair, left and right or top and bottom; 1: a sail", 1.0, 2.0, 2.0),
+    "count": Key("-", "2: a pair, left and right or top and bottom; 1: a sail; 4: an x_tail", 1.0, 4.0, 2.0),
     "movable_share": Key("-", "of the area; 1: all of it turns", 0.05, 1.0, 1.0),
 }
 
@@ -168,7 +168,10 @@ def _fins(entries: Any, v: Mapping[str, float | None], problems: list[str]) -> l
         if area is None or span is None or at is None:
             table.problem("needs from_nose and two of area, span, chord, aspect_ratio")
         elif kind:
-            found.append(Fin(kind, area, span, at, int(f["count"] or 2), f["movable_share"] or 1.0))
+            count = 4 if kind == X_TAIL and "count" not in entry else int(f["count"] or 2)
+            if count not in ((4,) if kind == X_TAIL else (1, 2)):
+                table.problem(f"count = {count}: an x_tail has 4 fins, of any other kind there are 1 or 2")
+            found.append(Fin(kind, area, span, at, count, f["movable_share"] or 1.0))
     return found
 
 
@@ -201,7 +204,7 @@ def _complete(v: dict[str, float | None], fins: list[Fin], assumed: list[str]) -
     """Usual sizes for what no sheet says; each is told."""
     length, diameter = v["length"] or 1.0, math.sqrt((v["breadth"] or 1.0) * (v["height"] or 1.0))
     for kind, word in (("rudder", "rudder"), ("stern_plane", "stern planes")):
-        if not any(fin.kind == kind for fin in fins):
+        if not any(fin.kind in (kind, X_TAIL) for fin in fins):
             fin = Fin(kind, 0.025 * length * diameter, 0.45 * diameter, 0.96 * length, 2, 1.0, True)
             fins.append(fin)
             assumed.append(
