@@ -381,7 +381,10 @@ def _jumps(base: Sequence[Base]) -> list[Weighed | None]:
                 from_time={"x": when, "y": when},
                 runs=(one.run.name,),
             )
-            says = f"x and y jump by {abs(size):.3g} m at t = {when:.6g} s of {one.run.name}"
+            says = (
+                f"x and y jump by {abs(size):.3g} m at t = {when:.6g} s of {one.run.name}; where a fix ended "
+                "dead reckoning there, the positions before it measure nothing (`leave_out` of [corrections])"
+            )
             out.append(
                 weigh_one(base, Mistake("jump of x, y", says, correction, RARE - math.log(one.run.n_samples)))
             )
