@@ -447,7 +447,7 @@ def test_wind_is_not_asked_of_a_vehicle_far_below_the_surface(depths, asked):
         logs=logs,
         channels=("x", "z"),
         coefficients=Plain(names=()),
-        stated=Plain(names=()),
+        stated=Plain(names=(), mean=(), sd=()),
         form=None,
         velocity_from_track=False,
     )
