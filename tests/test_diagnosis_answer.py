@@ -86,6 +86,8 @@ def test_an_error_that_an_explanation_does_not_lessen_is_said_beside_that_which_
         replace(a_result(), runs=(a_run(position=(12.4, 30.0, 7.7), heading=(1.05, 0.07, 1.08)),))
     )
     assert "instead of 12.4 m and 60.2 degrees (no gain in heading)" in nearer.outcome
+    little = a_run(position=(12.4, 30.0, 7.7), heading=(1.05, 0.07, 0.9))  # by a seventh
+    assert "(hardly a gain in heading)" in answer(replace(a_result(), runs=(little,))).outcome
     both = answer(replace(a_result(), runs=(a_run(),)))
     assert "no gain" not in both.outcome
 

@@ -272,7 +272,7 @@ def _outcome(result: Result, run: RunError) -> str:
     before = f" instead of {given}" if given else "; as given, it diverges"
     said = f"{what}, the {verb} {run_words(run)} is within {now} of the log{RMS}{before}"
     if same := no_nearer(errors, 0, 2):
-        said += f" (no gain in {same})"
+        said += f" ({same})"
     if not tuned:
         return f"{said}; with coefficients re-tuned alone, it diverges."
     if closes(errors, 1, 2) or closes(errors, 2, 1):

@@ -120,9 +120,13 @@ def closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
 
 
 def no_nearer(rows: tuple[ErrorRow, ...], before: int, after: int) -> str:
-    """What a model predicts no better than another, by more than what counts as the same: "heading"."""
-    left = [r.what for r in rows if r.values[before] <= SAME * r.values[after]]
-    return " and ".join(left)
+    """What a model predicts no better than another, and what by no more than counts as the same: "no gain in
+    heading", "hardly a gain in position and heading"."""
+    left = [r for r in rows if r.values[before] <= SAME * r.values[after]]
+    none = [r.what for r in left if r.values[before] <= r.values[after]]
+    little = [r.what for r in left if r.what not in none]
+    told = [(of, and_list(what)) for of, what in (("no gain", none), ("hardly a gain", little)) if what]
+    return "; ".join(f"{of} in {what}" for of, what in told)
 
 
 def worse(rows: tuple[ErrorRow, ...], model: int = 2) -> bool:
