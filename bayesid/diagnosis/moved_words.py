@@ -58,7 +58,7 @@ def moved_words(result: Result, first: Sequence[str] = ()) -> tuple[str, ...]:
         far = f"{_stated_deviations(m):.1f} times its stated uncertainty"
         alike = (in_words(s.effect.name) for s in result.in_place_of if s.coefficient == name)
         far += "".join(f", as {effect} would move it" for effect in alike)
-        far += ", part of the force the equations lack" if m.form_sd > m.prior_sd else ""
+        far += ", may be part of the force the equations lack" if m.form_sd > m.prior_sd else ""
         of = "completed from the convention of the file, not stated" if m.completed else far
         out.append(f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({of}{with_it})")
     return tuple(out)
