@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
 from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import SURELY_MOVED, Moved, RunError
+from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE, LEAST_RUNS
 from bayesid.model.terms import ADDED_MASSES
@@ -153,8 +153,7 @@ def example_of(result: Result) -> str:
 def far_off(result: Result) -> str:
     """Sentences where explanation or re-tuning takes coefficients out of all reason; else empty.
 
-    A verdict of wrong coefficients says so itself, and of what the runs leave open nothing is told. Nor of
-    rows that a force the equations lack is made of: they are to be there.
+    A verdict of wrong coefficients says so itself, and of what the runs leave open nothing is told.
     """
     used = explanation(result)
     if not used and result.verdict == "coefficients":
@@ -164,13 +163,12 @@ def far_off(result: Result) -> str:
         n: (m.given, m.explained if shown else m.retuned, m.prior_sd)
         for n, m in result.moved.items()
         if not (m.explained_open if shown else m.open)
-        and not _by_form(m, m.explained if shown else m.retuned)
     }
     what = "The explanation needs" if shown else "Re-tuning needs"
     sized = {
         n: (m.given, m.beside, m.prior_sd)
         for n, m in result.moved.items()
-        if m.beside is not None and not m.beside_open and not _by_form(m, m.beside)
+        if m.beside is not None and not m.beside_open
     }
     if used and sized and result.verdict in NAMING:
         moved, what = sized, "The fit that the size told is from needs"
@@ -244,11 +242,6 @@ def completed_far(moved: Mapping[str, tuple[float, float, float]], completed: Co
         f"stated ({first_few(told, MOST_FAR)}). What they gain is no added mass; it stands for another "
         "force of the same motion, as drag in a turn, that the file does not state."
     )
-
-
-def _by_form(m: Moved, found: float) -> bool:
-    """Whether a force that the equations lack, of its size, takes a coefficient so far from its value."""
-    return m.form_sd > m.prior_sd and abs(found - m.given) <= FAR_OFF * m.form_sd
 
 
 def _far(moved: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
