@@ -8,6 +8,7 @@ from scipy import stats
 
 from bayesid.diagnosis.hypotheses import sizes, unusual_sizes
 from bayesid.diagnosis.hypotheses.candidate import widened_by_few
+from bayesid.diagnosis.hypotheses.kinematic import NOTHING, Kinematics
 from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, SIZE_DEVIATIONS
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
@@ -39,7 +40,9 @@ def world(monkeypatch):
     }
     fit = Plain(equations=())  # too few runs to tell of scatter
     refits = [Plain(effects=k, widens=False, follows=k != ("lag", "stall"), fit=fit) for k in tables]
-    monkeypatch.setattr(sizes, "parameters_told", lambda problem, c: dict(tables[c.effects]))
+    monkeypatch.setattr(sizes, "by_kinematics", lambda problem, c: NOTHING)
+    monkeypatch.setattr(sizes, "parameters_told", lambda problem, c, sensors=None: dict(tables[c.effects]))
+    monkeypatch.setattr(sizes, "averaged_over_forms", lambda problem, c, told: told)
     monkeypatch.setattr(sizes, "explains", lambda c: c.follows)
     weights = {("lag",): 0.6, ("lag", "wind"): 0.2, ("lag", "stall"): 0.1, ("wind",): 0.1}
     return refits, Plain(refits=refits, sets=weights, form_seen=0.0)
@@ -62,6 +65,22 @@ def test_an_effect_of_no_weighed_explanation_keeps_the_size_of_the_best(world):
     assert sizes.sizes_told(Plain(form="a form"), candidates, refits[0])["lag.tau"] == pytest.approx(
         (2.0, 0.1 * SIZE_DEVIATIONS)
     )
+
+
+def test_forms_are_averaged_over_for_all_but_what_kinematics_tells(world, monkeypatch):
+    refits, candidates = world
+    monkeypatch.setattr(sizes, "by_kinematics", lambda problem, c: Kinematics(table={"wind.u": (6.0, 0.1)}))
+    monkeypatch.setattr(
+        sizes,
+        "averaged_over_forms",
+        lambda problem, c, told: {n: (v + 1.0, 2.0 * s) for n, (v, s) in told.items()},
+    )
+    candidates.sets = {("lag", "wind"): 1.0}
+    found = sizes.sizes_told(Plain(form="a form"), candidates, refits[1])
+    assert found == {
+        "lag.tau": pytest.approx((4.0, SIZE_DEVIATIONS * 0.4)),
+        "wind.u": pytest.approx((5.0, SIZE_DEVIATIONS)),
+    }
 
 
 def test_a_size_costs_what_the_nearer_end_of_its_interval_is_improbable_of_the_usual(monkeypatch):

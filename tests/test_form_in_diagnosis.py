@@ -17,8 +17,9 @@ from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence, jackknife, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.facts import like_a_form
+from bayesid.diagnosis.hypotheses.form_columns import FormColumns
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
-from bayesid.diagnosis.hypotheses.form_search import SoughtForm, _Columns
+from bayesid.diagnosis.hypotheses.form_search import SoughtForm
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.evidence import NormalEquations
@@ -312,11 +313,11 @@ def rolling(frequency):
 def test_roll_is_worth_as_much_in_the_search_as_in_the_refit_and_its_period_is_found(frequency):
     problem, none = rolling(frequency)
     period = 2 * np.pi * problem.model.scales["L"] / problem.model.scales["U"] / frequency
-    columns = _Columns.along(problem, none, period)
+    columns = FormColumns.along(problem, none, period)
     forces = ModelForm({"X": 0.0, "Y": 1e-3, "N": 3e-4})
     gain = columns.evidence(ModelForm(forces.sizes, period)) - columns.evidence(forces)
     assert gain > 30.0  # 1.4 and 4.3 where the heel stayed as at another frequency
-    wrong = _Columns.along(problem, none, 2.0 * period)
+    wrong = FormColumns.along(problem, none, 2.0 * period)
     assert gain > wrong.evidence(ModelForm(forces.sizes, 2.0 * period)) - wrong.evidence(forces) + 20.0
     fitted = fit_with(problem.with_form(ModelForm(forces.sizes, 1.1 * period)), ())
     i = fitted.free.names.index("roll_motion.frequency")

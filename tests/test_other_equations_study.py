@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace as Plain
 
 import pytest
 
@@ -10,7 +11,7 @@ import studies.other_equations.verdicts as kept
 from bayesid.errors import BayesidError
 from bayesid.executor import HERE
 from bayesid.progress import Progress
-from studies.other_equations.report import failures, other_equations_report
+from studies.other_equations.report import _checks, failures, other_equations_report
 from studies.other_equations.scoring import quantities, scored
 
 QUIET = Progress(quiet=True)
@@ -149,6 +150,15 @@ def test_the_report_leads_with_the_counts_and_shows_the_earlier_commit_beside(tm
     assert table.rows[0][3] == "effect: ocean current 0.97" and table.rows[0][-1].startswith("no")
     study.writer.write(document, tmp_path, {"inputs": {}, "seeds": []})
     assert "model form" in (tmp_path / "report.md").read_text("utf-8")
+
+
+def test_checks_are_counted_by_whether_the_verdict_is_right():
+    cases = [Plain(name=n, right=right) for n, right in zip("abcd", (True, False, True, True), strict=True)]
+    far = {"a": True, "b": True, "c": False}
+    given = {n: {"checks": {"far": fails}} for n, fails in far.items()} | {"d": {"failure": "diverged"}}
+    (section,) = _checks(cases, given)
+    assert list(map(list, section.blocks[0].rows)) == [["far", "1 of 2", "1 of 1"]]
+    assert _checks(cases[:1], {"a": {}}) == ()  # verdicts kept before do not say
 
 
 def bundle(folder, name, text="x"):

@@ -33,6 +33,7 @@ def other_equations_report(
         Section("Bars", (_bars(cases, before, commit),)),
         Section("Every bundle", (_bundles(cases, given, before, before_given, commit),)),
         Section("Parameters of effects rightly named", (_parameters(cases),)),
+        *_checks(cases, given),
         Section("How it was scored", (Text(_rules()), Text(_cost(given)))),
     )
     return Report("Vehicles made of other equations: are causes named and nothing invented?",
@@ -162,6 +163,21 @@ def _parameters(cases: Cases) -> Table:
             for c in cases for e, p, true, value, sd, inside in c.parameters]  # fmt: skip
     columns = ["bundle", "effect", "parameter", "true", "estimate", "sd", "inside 95 %"]
     return Table(columns, rows, "SI and radians; only what label and verdict both state.", digits=3)
+
+
+def _checks(cases: Cases, given: Given) -> tuple[Section, ...]:
+    """What the checks a diagnosis makes of itself say of its verdicts; nothing where they were not kept."""
+    kept = [(c.right, given[c.name]["checks"]) for c in cases if given[c.name].get("checks")]
+    if not kept:
+        return ()
+    rows = []
+    for name in kept[0][1]:
+        failed = [right for right, made in kept if made[name]]
+        passed = [right for right, made in kept if not made[name]]
+        rows.append([name, *(f"{sum(part)} of {len(part)}" for part in (failed, passed))])
+    columns = ["check", "right verdicts where it failed", "where it passed"]
+    about = "A check is worth its place where verdicts that fail it are wrong more often than others."
+    return (Section("Checks a diagnosis makes of itself", (Table(columns, rows, about),)),)
 
 
 def _rules() -> str:

@@ -14,7 +14,9 @@ from typing import Any
 
 from bayesid.benchmark.protocol.commitment import digest_of_folder, read_json
 from bayesid.code import code_digest
+from bayesid.diagnosis.failed_checks import diverging, far_off, predicts_worse, runs_disagree
 from bayesid.diagnosis.of_log import diagnose_log
+from bayesid.diagnosis.result import Result
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.executor import Executor
@@ -32,8 +34,9 @@ def verdicts(
 ) -> dict[str, dict[str, Any]]:
     """Verdicts by name of the bundle, as `summary` has them, with `cpu_seconds` and `failure` ("" if none).
 
-    Each is written to FOLDER/<bundle>.json as soon as it is there.
+    Each is written to FOLDER/<bundle>.json as soon as it is there, the whole diagnosis to FOLDER/whole.
     """
+    (folder / "whole").mkdir(parents=True, exist_ok=True)
     code = code_digest()
     todo = [b for b in bundles if not _current(folder / f"{b.name}.json", b, code, seed)]
     if len(todo) < len(bundles):
@@ -59,6 +62,16 @@ def summary(record: Mapping[str, Any]) -> dict[str, Any]:
     return {key: record[key] for key in KEYS} | {"effects": effects, "simulator": mistakes}
 
 
+def checks(result: Result) -> dict[str, bool]:
+    """Check of a diagnosis -> whether it failed."""
+    return {
+        "coefficients far from those stated": bool(far_off(result)),
+        "held-out runs predicted worse than as given": bool(predicts_worse(result)),
+        "a simulation diverges": bool(diverging(result)),
+        "the runs disagree about the size": runs_disagree(result),
+    }
+
+
 def _current(file: Path, bundle: Path, code: str, seed: int) -> bool:
     if not file.exists():
         return False
@@ -73,7 +86,9 @@ def _keep(folder: Path, code: str, seed: int, bundle: Path) -> tuple[str, str]:
         trial = load_trial(bundle)
         model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
         found, checked = diagnose_log(trial, model, seed=seed, plan_next=False)
-        kept |= summary(found.result.record())
+        record = found.result.record()
+        kept |= summary(record) | {"checks": checks(found.result)}
+        write_json(folder / "whole" / f"{bundle.name}.json", record)
         kept["input"] = [f.name for f in checked.findings]
     except BayesidError as error:
         kept["failure"] = str(error)

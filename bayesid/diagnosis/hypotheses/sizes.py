@@ -1,4 +1,4 @@
-"""Sizes of effects over all explanations that hold them.
+"""Sizes of effects over all explanations that hold them, and over all model forms that the runs allow.
 
 Takes a `DiagnosisProblem` and its `HypothesisComparison`. Gives values and standard deviations. Fits nothing.
 """
@@ -10,7 +10,8 @@ import numpy as np
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, from_run_to_run
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.kinematic import parameters_told
+from bayesid.diagnosis.hypotheses.form_average import averaged_over_forms
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, LEAST_RUNS, SIZE_DEVIATIONS
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -23,7 +24,8 @@ def sizes_told(
 
     Where the equations lack a form, explanations that follow the data alike ask for different sizes of the
     effect they share: mean and deviation of their mixture, each weighed by its probability (Bayesian model
-    averaging; Hoeting et al. 1999), of `best` alone where no explanation of the effect has any. Deviations
+    averaging; Hoeting et al. 1999), of `best` alone where no explanation of the effect has any. In each, what
+    kinematics does not tell is averaged over the sizes of the form (`averaged_over_forms`). Deviations
     are multiplied by what they were short of on labelled trials (`SIZE_DEVIATIONS`). So it is where the runs
     show a form that no hypothesis has (`form_seen`): too faint to be weighed, it bends sizes all the same.
     Elsewhere as in `best`, deviations wider as the runs scatter (`run_scatter`).
@@ -44,9 +46,12 @@ def sizes_told(
 
 def _told(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> dict[str, tuple[float, float]]:
     """Sizes of one explanation, deviations at least those from run to run where runs can tell."""
+    if problem.form is not None:  # deviations are that already
+        sensors = by_kinematics(problem, candidate)
+        table = parameters_told(problem, candidate, sensors)
+        of_forces = {n: size for n, size in table.items() if n not in sensors.table}
+        return table | averaged_over_forms(problem, candidate, of_forces)
     table = parameters_told(problem, candidate)
-    if problem.form is not None:
-        return table  # they are that already
     between = from_run_to_run(candidate.fit)
     columns = np.array([candidate.fit.free.names.index(name) for name in table], dtype=int)
     checked = scatter_of_runs(candidate.fit.equations, columns).freedom > 0.0 if table else ()
