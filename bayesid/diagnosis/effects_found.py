@@ -22,6 +22,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 LEAST_SHARE = 0.1  # of a coefficient, from which an effect within what was stated is told
+ALIKE = 0.1  # of a deviation, within which two sizes are the same
 WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
 
 
@@ -39,7 +40,7 @@ def effects_found(
 
     def own(key: str) -> bool:
         """Whether a size is that of this explanation and its equations, as draws are."""
-        return key in fitted and table[key][0] == fitted[key][0]
+        return key in fitted and abs(table[key][0] - fitted[key][0]) <= ALIKE * table[key][1]
 
     named = verdict.effects
     if not named and verdict.word in ("ambiguous", "coefficients"):

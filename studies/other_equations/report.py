@@ -172,8 +172,8 @@ def _checks(cases: Cases, given: Given) -> tuple[Section, ...]:
         return ()
     rows = []
     for name in kept[0][1]:
-        failed = [right for right, made in kept if made[name]]
-        passed = [right for right, made in kept if not made[name]]
+        failed = [right for right, made in kept if made.get(name)]
+        passed = [right for right, made in kept if not made.get(name)]
         rows.append([name, *(f"{sum(part)} of {len(part)}" for part in (failed, passed))])
     columns = ["check", "right verdicts where it failed", "where it passed"]
     about = "A check is worth its place where verdicts that fail it are wrong more often than others."

@@ -87,8 +87,8 @@ def _keep(folder: Path, code: str, seed: int, bundle: Path) -> tuple[str, str]:
         model = build_model(in_measured_wind(load_vehicle(trial.vehicle_ref), trial), trial.dof)
         found, checked = diagnose_log(trial, model, seed=seed, plan_next=False)
         record = found.result.record()
-        kept |= summary(record) | {"checks": checks(found.result)}
         write_json(folder / "whole" / f"{bundle.name}.json", record)
+        kept |= summary(record) | {"checks": checks(found.result)}
         kept["input"] = [f.name for f in checked.findings]
     except BayesidError as error:
         kept["failure"] = str(error)

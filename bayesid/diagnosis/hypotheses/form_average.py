@@ -10,24 +10,24 @@ one has goes with how large the other may be.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from bayesid.diagnosis.data.model_form import ModelForm
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.form_columns import SIZES, FormColumns
 from bayesid.errors import ModelError
 
 Array = np.ndarray
-# Nats behind the best form from which on one is left out (Occam's window; Madigan and Raftery 1994): together
-# those hardly move a mean.
-WINDOW = 6.0
-MOST_FORMS = 200
+Sizes = tuple[float, Array, Array]  # log evidence, values, standard deviations
+STEPS = (0.0, *SIZES)
+# Of more axes than a planar model has, forms within a step of the most probable in each: 729 of 15625.
+ALL_OF_AXES = 3
 
 
 def averaged_over_forms(
@@ -35,50 +35,67 @@ def averaged_over_forms(
 ) -> dict[str, tuple[float, float]]:
     """Effect parameters: name -> (value, sd) in SI, of the mixture over the sizes of the form.
 
-    Every size per axis is as probable before the runs. Deviations are at least those told: what single runs
-    move is not in the linear model. A refit along whose path nothing can be linearised keeps what was told.
+    Every size per axis is as probable before the runs (Bayesian model averaging; Hoeting et al. 1999). A
+    value moves by what the mean over the forms differs from the size with the form of the refit, and stays
+    within the limits of its effect; a deviation is at least that told (what single runs move is not in the
+    linear model), and wider by how much the forms differ. What is told of a refit that does not follow the
+    readings, or along whose path nothing can be linearised, stays.
 
     Parameters
     ----------
     told : sizes to average; what is not estimated beside the form is left as it is
     """
-    if problem.form is None or not told:
+    form, model = problem.form, problem.model
+    if form is None or not told or not explains(candidate):
         return dict(told)
     try:
-        columns = FormColumns.along(problem, candidate, problem.form.period)
+        columns = FormColumns.along(problem, candidate, form.period)
         names = [n for n in told if n in columns.causes]
         if not names:
             return dict(told)
-        found = list(_window(columns, problem.form, names))
-        evidence, values, sd = (np.array(part) for part in zip(*found, strict=True))
-    except ModelError:
+        form = replace(form, sizes={axis: form.sizes.get(axis, 0.0) for axis in columns.axes})
+        _, here, _ = columns.sizes(form, names)
+    except (ModelError, LinAlgError):
         return dict(told)
+    evidence, values, sd = (np.array(part) for part in zip(*_forms(columns, form, names), strict=True))
+    low, high = np.array([model.effect_limits.get(model.index[n], (-np.inf, np.inf)) for n in names]).T
+    values, here = np.clip(values, low, high), np.clip(here, low, high)
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
     mean = weight @ values
-    within = np.maximum(np.sqrt(weight @ sd**2), [told[n][1] for n in names])
+    given = np.array([told[n] for n in names])
+    within = np.maximum(np.sqrt(weight @ sd**2), given[:, 1])
     whole = np.sqrt(within**2 + weight @ (values - mean) ** 2)
-    return dict(told) | {n: (float(m), float(s)) for n, m, s in zip(names, mean, whole, strict=True)}
+    moved = given[:, 0] + mean - here
+    moved = np.clip(moved, np.minimum(low, given[:, 0]), np.maximum(high, given[:, 0]))
+    return dict(told) | {n: (float(m), float(s)) for n, m, s in zip(names, moved, whole, strict=True)}
 
 
-def _window(
-    columns: FormColumns, form: ModelForm, names: Sequence[str]
-) -> Iterator[tuple[float, Array, Array]]:
-    """Evidence and sizes of the forms around one, a step up or down in one axis after the other, as far as
-    they lie in the window of the best seen before."""
-    steps = (0.0, *SIZES)
-    first = tuple(int(np.argmin(np.abs(np.subtract(steps, form.sizes.get(a, 0.0))))) for a in columns.axes)
-    best, waiting, met = -np.inf, deque([first]), {first}
-    while waiting:
-        at = waiting.popleft()
-        sizes = {axis: steps[k] for axis, k in zip(columns.axes, at, strict=True)}
-        found = columns.sizes(replace(form, sizes=sizes), names)
-        yield found
-        best = max(best, found[0])
-        if found[0] < best - WINDOW:
-            continue
-        for axis, k in product(range(len(at)), (-1, 1)):
-            near = (*at[:axis], at[axis] + k, *at[axis + 1 :])
-            if 0 <= near[axis] < len(steps) and near not in met and len(met) < MOST_FORMS:
-                met.add(near)
-                waiting.append(near)
+def _forms(columns: FormColumns, form: ModelForm, names: Sequence[str]) -> list[Sizes]:
+    """Evidence and sizes of all forms, or of those around the most probable; what has none is left out."""
+    axes, seen = columns.axes, dict[tuple[int, ...], Sizes | None]()
+
+    def at(place: tuple[int, ...]) -> float:
+        if place not in seen:
+            sizes = {axis: STEPS[k] for axis, k in zip(axes, place, strict=True)}
+            try:
+                seen[place] = columns.sizes(replace(form, sizes=sizes), names)
+            except (ModelError, LinAlgError):
+                seen[place] = None
+        found = seen[place]
+        return -np.inf if found is None else found[0]
+
+    steps = range(len(STEPS))
+    if len(axes) <= ALL_OF_AXES:
+        reach = [list(steps)] * len(axes)
+    else:
+        best, before = tuple(int(np.abs(np.subtract(STEPS, form.sizes[a])).argmin()) for a in axes), None
+        while best != before:
+            before = best
+            for i in range(len(axes)):
+                best = max(((*best[:i], k, *best[i + 1 :]) for k in steps), key=at)
+        reach = [[k for k in (b - 1, b, b + 1) if k in steps] for b in best]
+    around = list(product(*reach))
+    for place in around:
+        at(place)
+    return [found for place in around if (found := seen[place]) is not None]

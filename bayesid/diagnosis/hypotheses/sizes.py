@@ -1,4 +1,4 @@
-"""Sizes of effects over all explanations that hold them, and over all model forms that the runs allow.
+"""Sizes of effects over all explanations that hold them, and over all sizes of a model form in each.
 
 Takes a `DiagnosisProblem` and its `HypothesisComparison`. Gives values and standard deviations. Fits nothing.
 """
@@ -15,6 +15,9 @@ from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, parameters_tol
 from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, LEAST_RUNS, SIZE_DEVIATIONS
 from bayesid.estimation.filter_error.fit import FilterErrorFit
+
+# Probability from which an explanation moves a mean or a deviation.
+NEGLIGIBLE = 1e-3
 
 
 def sizes_told(
@@ -37,8 +40,9 @@ def sizes_told(
     found: dict[str, list[tuple[float, float, float]]] = {}
     for c in candidates.refits:
         weight = candidates.sets.get(tuple(sorted(c.effects)), 0.0)
-        if not c.widens and weight > 0.0 and explains(c):
-            for name, (value, sd) in _told(problem, c).items():
+        if not c.widens and weight > NEGLIGIBLE and explains(c):
+            sizes = table if c is best else _told(problem, c)
+            for name, (value, sd) in sizes.items():
                 found.setdefault(name, []).append((weight, value, sd))
     told = table | {name: _mixture(np.array(parts).T) for name, parts in found.items()}
     return {name: (value, SIZE_DEVIATIONS * sd) for name, (value, sd) in told.items()}
