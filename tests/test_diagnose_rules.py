@@ -21,7 +21,8 @@ from bayesid.diagnosis.threshold_table import (
 # One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
-    conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
+    conflict_by_chance=3.5, none=0.0, outside=0.04, outside_acts=0.04, undetectable=0.0,
+    none_in_set=False, effects=1,
     widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
     turns_beside=False, leeway=False, sure=0,
     form=False, of_motion=False, moved=False, covered=False, others_covered=False, over_motion=math.inf,
@@ -42,6 +43,13 @@ CASES = [
         "outside": (EVEN_ODDS + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
     ("unlisted cause", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=CAUSE_OVER_MOTION + 0.0), {
         "over_motion": (CAUSE_OVER_MOTION - TINY, "unlisted cause or a force of the motion")}),
+    ("unlisted cause", replace(
+        PLAIN, outside_acts=NAMING_PROBABILITY + 0.0, acts=NAMING_PROBABILITY - TINY), {
+        "outside_acts": (NAMING_PROBABILITY - TINY, "unsure effect"),
+        "acts": (NAMING_PROBABILITY + 0.0, "effect"),
+        "free": (19.0, "unsure effect"), "over_motion": (-200.0, "force of the motion")}),
+    ("unlisted cause", replace(PAIR, outside_acts=NAMING_PROBABILITY + 0.0, sure=0), {
+        "outside_acts": (NAMING_PROBABILITY - TINY, "several, none sure"), "sure": (1, "several, one sure")}),
     ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-200.0), {
         "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect"),
         "over_motion": (9.0, "unlisted cause")}),

@@ -708,11 +708,23 @@ def test_a_cause_that_left_out_runs_speak_against_is_no_name_and_the_headline_sa
     assert not any("What else it could be" in x for x in said.certainty)
 
 
+def test_what_may_act_beside_something_unlisted_is_listed_without_it():
+    found = a_result(
+        "outside", (), ("wind",), set95=("outside", "wind", "crossflow_drag"), rule="unlisted cause",
+        probabilities={"outside": 0.47, "wind": 0.27, "crossflow_drag": 0.23},
+    )  # fmt: skip
+    said = answer(replace(found, acting={"outside": 0.94, "wind": 0.54, "crossflow_drag": 0.46}))
+    assert "(probability 0.94)" in said.headline
+    beside = [x for x in said.certainty if x.startswith("What may act beside it or in its place: ")]
+    assert len(beside) == 1 and "not on the list" not in beside[0] and "wind (0.27)" in beside[0]
+    assert not any("What else it could be" in x for x in said.certainty)
+
+
 def test_the_headline_says_when_something_acts_that_acts_in_one_run():
-    found = a_result("outside", (), ())
+    found = replace(a_result("outside", (), ()), acting={"outside": 0.97})
     stretch = StretchFound("r4", 725.2, 769.8, 90.0, math.radians(-5.4), math.radians(0.3))
     where = replace(found.where, channel="rudder", evidence={"rudder": 80.0}, stretch=stretch)
-    said = "Something acts that is not among the known effects, in the rudder's angle"
+    said = "Something acts that is not among the known effects (probability 0.97), in the rudder's angle"
     when = ", only in r4 from 725 to 770 s"
     size = ", as if it stood 5.4 ± 0.3 degrees further to starboard on average."
     assert answer(replace(found, where=where)).headline == said + when + size

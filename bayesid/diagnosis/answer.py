@@ -174,7 +174,12 @@ def _headline(result: Result) -> str:
         place = result.where.channel
         where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
         if result.rule != LEFT_OUT_WORSE:
-            return f"Something acts that is not among the known effects{where}." + unexplained(result)
+            sure = (
+                f" (probability {probability(result.acting['outside'])})"
+                if "outside" in result.acting
+                else ""
+            )
+            return f"Something acts that is not among the known effects{sure}{where}." + unexplained(result)
         best = " + ".join(in_words(n) for n in explanation(result))
         return (
             f"No known effect explains these runs, alone or with another{where}. The best explanation, "
@@ -339,7 +344,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         out += [_how_sure(e, "as the explanation has it, ") for e in told]
     said = explanation(result) if result.verdict in NAMING else ()
     other = [(n, p) for n, p in rivals(result) if n not in said]
-    if result.rule in OUTSIDE_SAID:  # which is outside the list
+    outside = result.verdict == "outside" and result.rule != LEFT_OUT_WORSE
+    if outside or result.rule in OUTSIDE_SAID:  # which is outside the list
         other = [(n, p) for n, p in other if n != "outside"]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
@@ -348,6 +354,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         )
         besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
         what = "What may act beside it" if besides else "What else it could be"
+        if outside and result.rule not in OUTSIDE_SAID:
+            what = "What may act beside it or in its place"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")

@@ -16,7 +16,7 @@ from bayesid.diagnosis.dependence_search import dependence
 from bayesid.diagnosis.force_of_motion import force_of_motion
 from bayesid.diagnosis.form_stage import Compared, force_left
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
-from bayesid.diagnosis.threshold_table import EVEN_ODDS
+from bayesid.diagnosis.threshold_table import EVEN_ODDS, NAMING_PROBABILITY
 from bayesid.errors import BayesidError
 
 
@@ -52,7 +52,8 @@ def over_motion(found: Compared, sought: Sought) -> float:
     ModelError, LinAlgError
         if a run cannot be linearised along its path
     """
-    if not found.candidates.probabilities["outside"] > EVEN_ODDS:
+    shared, acts = found.candidates.probabilities["outside"], found.candidates.inside.get("outside", 0.0)
+    if not (shared > EVEN_ODDS or acts >= NAMING_PROBABILITY):
         return float("inf")
     runs, known = sought.runs, sought.known
     of_motion = force_of_motion(sought).log_evidence(runs, known, ())

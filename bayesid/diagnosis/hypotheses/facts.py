@@ -71,6 +71,7 @@ class Facts:
     conflict, conflict_by_chance : largest coefficient move without an effect [prior sd]
     none, outside, undetectable : probability of no effect, of a cause that is not listed, and of effects
         that these runs could not show
+    outside_acts : probability that a cause that is not listed acts, alone or with others
     none_in_set : whether the 95 % set holds no effect
     effects : number of effects of the best
     widens : whether the best is a coefficient with a wide prior
@@ -104,6 +105,7 @@ class Facts:
     conflict_by_chance: float
     none: float
     outside: float
+    outside_acts: float
     undetectable: float
     none_in_set: bool
     effects: int
@@ -129,6 +131,13 @@ class Facts:
     def gains(self) -> bool:
         """Whether the best gains at least what chance allows."""
         return not self.gain < self.gain_by_chance
+
+    @property
+    def unlisted(self) -> bool:
+        """Whether a cause that is not listed is more probable than all others together; or acts as surely as
+        a name asks for, alone or with others of which none does."""
+        unsure = self.sure == 0 if self.effects > 1 else self.acts < NAMING_PROBABILITY
+        return self.outside > EVEN_ODDS or (self.outside_acts >= NAMING_PROBABILITY and unsure)
 
     @property
     def free_shows(self) -> bool:
@@ -267,6 +276,7 @@ def grounds_of(
         conflict_by_chance=limit.conflict,
         none=probability["none"],
         outside=probability["outside"],
+        outside_acts=candidates.inside.get("outside", 0.0),
         undetectable=sum(probability[n] for n in faint),
         none_in_set="none" in set95,
         effects=len(best.effects),

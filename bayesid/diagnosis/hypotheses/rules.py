@@ -69,14 +69,14 @@ class Rule:
 RULES: tuple[Rule, ...] = (
     Rule(
         "unlisted cause",
-        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion < CAUSE_OVER_MOTION,
+        lambda f: f.free_shows and f.unlisted and not f.over_motion < CAUSE_OVER_MOTION,
         "outside", "nothing", "nothing",
         "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
-        "all others together",
+        f"all others together, or acts with at least {NAMING_PROBABILITY:.0%} where no other does",
     ),
     Rule(
         "force of the motion",
-        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion > -CAUSE_OVER_MOTION,
+        lambda f: f.free_shows and f.unlisted and not f.over_motion > -CAUSE_OVER_MOTION,
         "model_form", "nothing", "nothing",
         "a free signal gains more than chance allows, and what is left beside all effects is explained "
         "better by a force of the motion and the controls of some shape",
@@ -84,7 +84,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         CAUSE_OR_FORM,
-        lambda f: f.free_shows and f.outside > EVEN_ODDS,
+        lambda f: f.free_shows and f.unlisted,
         "ambiguous", "rivals", "nothing",
         "a free signal gains more than chance allows, and a force of the motion and the controls of some "
         "shape explains about as much of what is left beside all effects",
