@@ -21,7 +21,7 @@ from bayesid.diagnosis.threshold_table import (
 # One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
-    conflict_by_chance=3.5, none=0.0, outside=0.04, outside_acts=0.04, undetectable=0.0,
+    conflict_by_chance=3.5, none=0.0, outside=0.04, outside_acts=0.04, most_acts=0.96, undetectable=0.0,
     none_in_set=False, effects=1,
     widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
     turns_beside=False, leeway=False, sure=0,
@@ -33,6 +33,9 @@ FAINT = replace(PLAIN, gain=3.9, none_in_set=True, acts=0.3)
 WIDE = replace(PLAIN, widens=True)
 PAIR = replace(PLAIN, effects=2, sure=2)
 FORM = replace(PLAIN, form=True)
+BESIDE = replace(
+    PLAIN, outside_acts=NAMING_PROBABILITY, most_acts=0.7, acts=0.7, left=30.0, over_motion=CAUSE_OVER_MOTION
+)
 TINY = 1e-9
 
 # rule, facts it decides, and per fact: a value on the other side of the threshold and the rule that then does
@@ -43,13 +46,18 @@ CASES = [
         "outside": (EVEN_ODDS + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
     ("unlisted cause", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=CAUSE_OVER_MOTION + 0.0), {
         "over_motion": (CAUSE_OVER_MOTION - TINY, "unlisted cause or a force of the motion")}),
-    ("unlisted cause", replace(
-        PLAIN, outside_acts=NAMING_PROBABILITY + 0.0, acts=NAMING_PROBABILITY - TINY), {
+    ("unlisted cause beside others", BESIDE, {
         "outside_acts": (NAMING_PROBABILITY - TINY, "unsure effect"),
-        "acts": (NAMING_PROBABILITY + 0.0, "effect"),
-        "free": (19.0, "unsure effect"), "over_motion": (-200.0, "force of the motion")}),
-    ("unlisted cause", replace(PAIR, outside_acts=NAMING_PROBABILITY + 0.0, sure=0), {
-        "outside_acts": (NAMING_PROBABILITY - TINY, "several, none sure"), "sure": (1, "several, one sure")}),
+        "most_acts": (NAMING_PROBABILITY + 0.0, "unsure effect"), "free": (19.0, "unsure effect"),
+        "left": (19.0, "unsure effect"), "over_motion": (CAUSE_OVER_MOTION - TINY, "unsure effect"),
+        "outside": (EVEN_ODDS + TINY, "unlisted cause"), "gain": (3.9, "faint")}),
+    ("unlisted cause beside others", replace(BESIDE, left=2.0, explains=False), {
+        "explains": (True, "unsure effect"), "over_motion": (math.inf, "unsure effect")}),
+    ("unlisted cause beside others", replace(BESIDE, effects=2, sure=0, runs_refute=True), {
+        "outside_acts": (0.5, "refuted by the runs"), "of_motion": (True, "shapes of a model form")}),
+    ("unlisted cause beside others", replace(BESIDE, widens=True), {
+        "outside_acts": (0.5, "unsure coefficient")}),
+    ("unlisted cause beside others", replace(BESIDE, form=True), {"covered": (True, "model form")}),
     ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-200.0), {
         "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect"),
         "over_motion": (9.0, "unlisted cause")}),
@@ -158,6 +166,7 @@ NAMES = Named(
 )  # fmt: skip
 SAID = {
     "unlisted cause": ("outside", (), ()),
+    "unlisted cause beside others": ("outside", (), ()),
     "force of the motion": ("model_form", (), ()),
     "unlisted cause or a force of the motion": ("ambiguous", ("a", "b"), ()),
     "coefficient beside a model form": ("coefficients", (), ()),

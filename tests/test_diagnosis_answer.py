@@ -21,6 +21,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     NO_SIZE_BESIDE_FORM,
     NONE_SURE,
     TURNS_BY_ITSELF,
+    UNLISTED_BESIDE,
     UNSURE,
 )
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence, size_words
@@ -708,15 +709,18 @@ def test_a_cause_that_left_out_runs_speak_against_is_no_name_and_the_headline_sa
     assert not any("What else it could be" in x for x in said.certainty)
 
 
-def test_what_may_act_beside_something_unlisted_is_listed_without_it():
+def test_what_may_act_beside_something_unlisted_is_listed_by_how_probably_it_acts():
     found = a_result(
-        "outside", (), ("wind",), set95=("outside", "wind", "crossflow_drag"), rule="unlisted cause",
+        "outside", (), ("wind",), set95=("outside", "wind", "crossflow_drag"), rule=UNLISTED_BESIDE,
         probabilities={"outside": 0.47, "wind": 0.27, "crossflow_drag": 0.23},
     )  # fmt: skip
-    said = answer(replace(found, acting={"outside": 0.94, "wind": 0.54, "crossflow_drag": 0.46}))
-    assert "(probability 0.94)" in said.headline
-    beside = [x for x in said.certainty if x.startswith("What may act beside it or in its place: ")]
-    assert len(beside) == 1 and "not on the list" not in beside[0] and "wind (0.27)" in beside[0]
+    found = replace(found, acting={"outside": 0.94, "wind": 0.54, "crossflow_drag": 0.46})
+    said = answer(replace(found, where=replace(found.where, channel="Y", after={"rudder": 90.0, "Y": 3.0})))
+    assert said.headline.startswith(
+        "Something acts that is not among the known effects (probability 0.94), in the rudder's angle"
+    )
+    beside = [x for x in said.certainty if x.startswith("What may act beside it, one or the other: ")]
+    assert beside == ["What may act beside it, one or the other: wind (0.54), crossflow drag (0.46)."]
     assert not any("What else it could be" in x for x in said.certainty)
 
 

@@ -15,7 +15,7 @@ from bayesid.diagnosis.cannot_tell import (
     leading_cause,
     to_tell_apart,
 )
-from bayesid.diagnosis.event_words import rudder_off, unexplained, where_to_look
+from bayesid.diagnosis.event_words import unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
     NO_MODEL,
@@ -34,6 +34,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     NAMING,
     NONE_SURE,
     OUTSIDE_SAID,
+    UNLISTED_BESIDE,
 )
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import (
@@ -63,6 +64,7 @@ from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentenc
 from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.diagnosis.third_model import as_given, coefficients_alone, explained_words, in_its_place
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
+from bayesid.diagnosis.unlisted_words import unlisted
 from bayesid.diagnosis.unnamed_words import beside_a_form, unnamed_words
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.named import of_named_actuator
@@ -72,13 +74,6 @@ from bayesid.words import first_few
 RMS = " (rms)"
 TOLD_APART = 1e-3  # probability below which the runs tell an effect from what is named
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
-PLACES = {
-    "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
-    "M": "the pitching moment", "K": "the heeling moment", "Y+N": "side force and turning moment",
-    "X+Y+N": "all forces", "rudder": "the rudder's angle", "current": "moving water",
-    "rpm": "the propeller's revolutions", "psi": "the heading reading", "r": "the yaw-rate reading",
-    "u,v": "the velocity reading", "x,y": "the position reading",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,38 +161,9 @@ def _headline(result: Result) -> str:
     if word == "model_form":
         lacked = "The equations lack a force that depends on the motion" + _like(result)
         return f"{lacked}; {beside_a_form(result)}."
-    if result.rule in OUTSIDE_SAID:
-        known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
-        also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
-        return unexplained(result).strip() + also
-    if word == "outside":
-        place = result.where.channel
-        where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
-        if result.rule != LEFT_OUT_WORSE:
-            sure = (
-                f" (probability {probability(result.acting['outside'])})"
-                if "outside" in result.acting
-                else ""
-            )
-            return f"Something acts that is not among the known effects{sure}{where}." + unexplained(result)
-        best = " + ".join(in_words(n) for n in explanation(result))
-        return (
-            f"No known effect explains these runs, alone or with another{where}. The best explanation, "
-            f"{best}, predicts each run, left out of the estimate, worse than the simulator as given does, "
-            "and the runs disagree about its size." + unexplained(result)
-        )
+    if word == "outside" or result.rule in OUTSIDE_SAID:
+        return unlisted(result)
     return cannot_tell(result) + unexplained(result)
-
-
-def _stretch(result: Result) -> str:
-    """In which run and when something acts that has one, and by how much a rudder is then off."""
-    place, found = result.where.channel, result.where.stretch
-    if found is None or place != next(iter(result.where.evidence), None):
-        return ""
-    when = f", only in {found.run} from {found.start:.0f} to {found.end:.0f} s"
-    if place != "rudder" or found.value is None or found.sd is None:
-        return when
-    return f"{when}, {rudder_off('it', found.value, found.sd)}"
 
 
 def _none(result: Result) -> str:
@@ -344,9 +310,10 @@ def _certainty(result: Result) -> tuple[str, ...]:
         out += [_how_sure(e, "as the explanation has it, ") for e in told]
     said = explanation(result) if result.verdict in NAMING else ()
     other = [(n, p) for n, p in rivals(result) if n not in said]
-    outside = result.verdict == "outside" and result.rule != LEFT_OUT_WORSE
-    if outside or result.rule in OUTSIDE_SAID:  # which is outside the list
-        other = [(n, p) for n, p in other if n != "outside"]
+    if (result.verdict == "outside" and result.rule != LEFT_OUT_WORSE) or result.rule in OUTSIDE_SAID:
+        other = [(n, p) for n, p in other if n != "outside"]  # said already
+    if result.rule == UNLISTED_BESIDE:
+        other = [(n, result.acting[n]) for n in result.set95 if n in result.acting and n != "outside"]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
         listed = ", ".join(
@@ -354,8 +321,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         )
         besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
         what = "What may act beside it" if besides else "What else it could be"
-        if outside and result.rule not in OUTSIDE_SAID:
-            what = "What may act beside it or in its place"
+        if result.rule == UNLISTED_BESIDE:
+            what = "What may act beside it, one or the other"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")

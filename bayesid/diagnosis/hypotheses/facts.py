@@ -72,6 +72,7 @@ class Facts:
     none, outside, undetectable : probability of no effect, of a cause that is not listed, and of effects
         that these runs could not show
     outside_acts : probability that a cause that is not listed acts, alone or with others
+    most_acts : the same of whatever else acts most probably, an effect with its family
     none_in_set : whether the 95 % set holds no effect
     effects : number of effects of the best
     widens : whether the best is a coefficient with a wide prior
@@ -106,6 +107,7 @@ class Facts:
     none: float
     outside: float
     outside_acts: float
+    most_acts: float
     undetectable: float
     none_in_set: bool
     effects: int
@@ -131,13 +133,6 @@ class Facts:
     def gains(self) -> bool:
         """Whether the best gains at least what chance allows."""
         return not self.gain < self.gain_by_chance
-
-    @property
-    def unlisted(self) -> bool:
-        """Whether a cause that is not listed is more probable than all others together; or acts as surely as
-        a name asks for, alone or with others of which none does."""
-        unsure = self.sure == 0 if self.effects > 1 else self.acts < NAMING_PROBABILITY
-        return self.outside > EVEN_ODDS or (self.outside_acts >= NAMING_PROBABILITY and unsure)
 
     @property
     def free_shows(self) -> bool:
@@ -277,6 +272,7 @@ def grounds_of(
         none=probability["none"],
         outside=probability["outside"],
         outside_acts=candidates.inside.get("outside", 0.0),
+        most_acts=max(acts(candidates, families, n) for n in candidates.inside if n != "outside"),
         undetectable=sum(probability[n] for n in faint),
         none_in_set="none" in set95,
         effects=len(best.effects),

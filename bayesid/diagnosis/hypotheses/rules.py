@@ -5,6 +5,7 @@ A new rule is one entry of `RULES`. Takes numbers and booleans only; knows no tr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -29,6 +30,7 @@ WORDS: tuple[Word, ...] = (
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
 LEEWAY = "leeway reads the same"
+UNLISTED_BESIDE = "unlisted cause beside others"
 CAUSE_OR_FORM = "unlisted cause or a force of the motion"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
 OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
@@ -69,14 +71,14 @@ class Rule:
 RULES: tuple[Rule, ...] = (
     Rule(
         "unlisted cause",
-        lambda f: f.free_shows and f.unlisted and not f.over_motion < CAUSE_OVER_MOTION,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion < CAUSE_OVER_MOTION,
         "outside", "nothing", "nothing",
         "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
-        f"all others together, or acts with at least {NAMING_PROBABILITY:.0%} where no other does",
+        "all others together",
     ),
     Rule(
         "force of the motion",
-        lambda f: f.free_shows and f.unlisted and not f.over_motion > -CAUSE_OVER_MOTION,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS and not f.over_motion > -CAUSE_OVER_MOTION,
         "model_form", "nothing", "nothing",
         "a free signal gains more than chance allows, and what is left beside all effects is explained "
         "better by a force of the motion and the controls of some shape",
@@ -84,7 +86,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         CAUSE_OR_FORM,
-        lambda f: f.free_shows and f.unlisted,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS,
         "ambiguous", "rivals", "nothing",
         "a free signal gains more than chance allows, and a force of the motion and the controls of some "
         "shape explains about as much of what is left beside all effects",
@@ -150,6 +152,16 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.widens and f.none_in_set,
         "ambiguous", "nothing", "nothing",
         "a wrong coefficient explains most, and no error at all cannot be excluded",
+    ),
+    Rule(
+        UNLISTED_BESIDE,
+        lambda f: f.outside_acts >= NAMING_PROBABILITY and f.most_acts < NAMING_PROBABILITY
+        and f.free_shows and (f.rest_shows or not f.explains)
+        and CAUSE_OVER_MOTION <= f.over_motion < math.inf,
+        "outside", "nothing", "nothing",
+        f"a cause that is not listed acts with at least {NAMING_PROBABILITY:.0%}, whichever others do, of "
+        "which none is as probable, and a free force explains more of what is left than one of the motion "
+        "and the controls",
     ),
     Rule(
         "unsure coefficient",
