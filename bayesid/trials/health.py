@@ -6,6 +6,7 @@ Does not: stop anything; these are warnings. What makes a log unusable is an err
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 
@@ -16,8 +17,9 @@ from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, c
 from bayesid.trials.gaps import channel_gaps, gap_words, row_gaps
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import relations
+from bayesid.trials.rudder_sides import other_side
 from bayesid.trials.trial import Floats, Run
-from bayesid.words import counted
+from bayesid.words import and_list, counted
 
 _DEG = math.pi / 180.0
 JITTER = 0.5  # of the usual step, between the 15th and 85th per cent of steps
@@ -61,7 +63,22 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
     """Warnings that need all runs: the sign of the rudder, a turn with the rudder amidships, a current that
     the track does not show."""
     found = [check for check in map(check_rudder, runs) if check is not None]
-    return rudder_notice(found) + _amidships(runs) + _ground_as_water(runs)
+    return rudder_notice(found) + _other_side(runs) + _amidships(runs) + _ground_as_water(runs)
+
+
+def _other_side(runs: Sequence[Run]) -> list[str]:
+    """A warning if the rudder of some runs turns the vehicle to the other side than that of all others."""
+    other = other_side(runs)
+    if not other:
+        return []
+    named = {name for run in runs if run.name in other for name in (*run.commands, *run.measured_inputs)}
+    scale = ", ".join(f"{name} = -1" for name in ("delta_r", "delta_r_cmd") if name in named)
+    return [
+        f"rudder sign: in {and_list(other)} positive rudder turns the vehicle to the other side than in all "
+        "other runs that tell; if it was logged with the other sign there, scale = "
+        f"{{ {scale} }} and runs = [{', '.join(json.dumps(name) for name in other)}] under [corrections] in "
+        "trial.toml"
+    ]
 
 
 def _amidships(runs: Sequence[Run]) -> list[str]:

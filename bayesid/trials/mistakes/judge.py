@@ -24,6 +24,7 @@ from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
 from bayesid.trials.mistakes.table import Mistake, mistakes_of
 from bayesid.trials.noise import rough_noise, spikes
+from bayesid.trials.rudder_sides import other_side
 from bayesid.trials.trial import Floats, Run
 
 NAMED_AT = 0.95  # probability that the log is wrong from which the most probable mistake is named
@@ -119,6 +120,7 @@ def check_input(
     from bayesid.trials.mistakes.lost_bottom import lost_bottom
     from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
+    from bayesid.trials.mistakes.sides import sides
     from bayesid.trials.mistakes.sized import sized
 
     kept = [_without_spikes(_thinned(run)) for run in runs]
@@ -129,7 +131,7 @@ def check_input(
         asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base), *contrary(base), *along_track(base)]
-        every += lost_bottom(base)
+        every += [*lost_bottom(base), *sides(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
@@ -380,7 +382,8 @@ def _in_order(base: Sequence[Base]) -> tuple[str, ...]:
         levels = _levels(base, key)
         if levels and float(np.median(levels)) < FOLLOWS:
             good.append(words)
-    if sum(one.signs.get("rudder", 0.0) - one.signs.get("rudder against", 0.0) for one in base) > SOME_RUNS:
+    rudder = sum(one.signs.get("rudder", 0.0) - one.signs.get("rudder against", 0.0) for one in base)
+    if rudder > SOME_RUNS and not other_side([one.run for one in base]):
         good.append("sign of the rudder")
     if base and not any(one.odd for one in base):
         good.append("size of all channels")
