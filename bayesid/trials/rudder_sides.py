@@ -13,12 +13,12 @@ import numpy as np
 from bayesid.trials.consistency import check_rudder
 from bayesid.trials.trial import Run
 
-# t values of a first-order turn, of one run and of all others pooled, from which a side is plain. Of 1241 runs
-# of real and simulated trials none that moves the rudder as far as others passes the first on the other side.
+# t values of a first-order turn, of one run and of all others pooled, from which a side is plain. Of 1241
+# runs of real and simulated trials none that moves the rudder as far as others passes the first so.
 PLAIN, PLAIN_TOGETHER = 5.0, 6.0
 MOST = 10.0  # t value beyond which one run counts no more
-# A helmsman who answers the waves moves the rudder against the turn (t values of 6 to 10 on courses held, with
-# a tenth of the rudder of other runs): least rudder, over the median.
+# A helmsman who answers the waves moves the rudder against the turn (t values of 6 to 10 on courses held,
+# with a tenth of the rudder of other runs): least rudder, over the median.
 LEAST_RUDDER = 0.5
 
 

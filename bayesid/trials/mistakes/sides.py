@@ -1,7 +1,7 @@
 """A rudder that was logged with the other sign in some runs, as the turns of all runs together tell.
 
 Takes runs weighed as they are. Gives hypotheses. Of a run alone a turn to one side tells little: wind or a
-screw may make it. That the same rudder turns the vehicle to the other side in all other runs tells it plainly.
+screw may make it. That the same rudder turns the vehicle to the other side in all others tells it plainly.
 """
 
 from __future__ import annotations
