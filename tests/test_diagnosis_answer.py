@@ -20,6 +20,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     MOTION_EVENT,
     NO_SIZE_BESIDE_FORM,
     NONE_SURE,
+    REFUTED,
     TURNS_BY_ITSELF,
     UNLISTED_BESIDE,
     UNSURE,
@@ -707,6 +708,23 @@ def test_a_cause_that_left_out_runs_speak_against_is_no_name_and_the_headline_sa
     )
     assert any(x.startswith("The probabilities before that: wind (0.98)") for x in said.certainty)
     assert not any("What else it could be" in x for x in said.certainty)
+
+
+LAG = next(e for e in CATALOGUE if e.name == "actuator_lag")
+
+
+def test_a_name_that_held_out_runs_took_away_is_told_with_its_size_and_why():
+    found = a_result("ambiguous", (), ("actuator_lag",), set95=("actuator_lag",), rule=REFUTED)
+    lag = Effect("actuator_lag", 0.98, {"tau": Value(1.5, 0.06, "s", 1.38, 1.62)}, says=LAG.says)
+    found = replace(found, effects=(lag,), runs=(a_run(),))
+    said = answer(found)
+    assert said.headline == (
+        "By the identification runs, the rudder follows its orders with a lag of 1.5 seconds (0.98), but "
+        "held-out runs are predicted worse so than with re-tuned coefficients: it is not named."
+    )
+    assert any(x.startswith("If it is actuator lag: ") and "95 %" in x for x in said.certainty)
+    assert any("read last, which took the name away" in x for x in said.certainty)
+    assert not any("after the verdict stood" in x for x in said.certainty)
 
 
 def test_what_may_act_beside_something_unlisted_is_listed_by_how_probably_it_acts():

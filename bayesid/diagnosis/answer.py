@@ -14,6 +14,7 @@ from bayesid.diagnosis.cannot_tell import (
     cannot_tell,
     leading_cause,
     to_tell_apart,
+    withdrawn,
 )
 from bayesid.diagnosis.event_words import unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
@@ -34,6 +35,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     NAMING,
     NONE_SURE,
     OUTSIDE_SAID,
+    REFUTED,
     UNLISTED_BESIDE,
 )
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
@@ -302,8 +304,9 @@ def _certainty(result: Result) -> tuple[str, ...]:
         if unnamed := unnamed_words(result, [n for n in explanation(result) if n not in named]):
             out.append(unnamed)
     first = leading_cause(result) if result.verdict == "ambiguous" else None
-    if first is not None and (sizes := intervals(first)):
-        out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
+    for cause in (*([first] if first is not None else []), *withdrawn(result)):
+        if sizes := intervals(cause):
+            out.append(f"If it is {in_words(cause.name)}: {', '.join(sizes)}.")
     if result.rule == NONE_SURE and len(explanation(result)) > 1:  # sizes are those of the explanation
         known = [n for n in explanation(result) if result.unnamed.get(n) not in SIZELESS]
         told = [e for e in result.effects if e.name in known and intervals(e)]
@@ -369,24 +372,27 @@ def _proof(result: Result) -> str:
         return "No run could be simulated from end to end, so no error is told; the notes say why."
     if not held:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
+    read = "read after the verdict stood"
+    if result.rule == REFUTED:
+        read = "read last, which took the name away"
     if not explanation(result):
-        return f"Held-out runs: {len(held)}, read only after the verdict stood."
+        return f"Held-out runs: {len(held)}, {read}."
     if in_its_place(result):
         predicts = (
             "The simulator as given predicts" if as_given(result) else "Re-tuned coefficients alone predict"
         )
         return (
-            f"Held-out runs: {len(held)}, read only after the verdict stood. {predicts} them, not the "
+            f"Held-out runs: {len(held)}, {read}. {predicts} them, not the "
             "explanation: they are no proof of it."
         )
     off = {run.run: worse_in(error_rows(run)) for run in held}
     if len(held) == 1:
         said = f"worse than as given in {off[held[0].run]}" if off[held[0].run] else "no worse than as given"
-        return f"The held-out run, read after the verdict stood, is predicted {said}."
+        return f"The held-out run, {read}, is predicted {said}."
     lost = first_few([f"{run} in {what}" for run, what in off.items() if what], MOST_RUNS)
     better = sum(not what for what in off.values())
     beside = f" (worse: {lost})" if lost else ""
-    of = f"Of {len(held)} held-out runs, read after the verdict stood,"
+    of = f"Of {len(held)} held-out runs, {read},"
     return f"{of} {better} are predicted no worse{beside}."
 
 

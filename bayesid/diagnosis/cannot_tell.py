@@ -6,7 +6,13 @@ Takes a `Result`. Gives sentences. Does not decide.
 from __future__ import annotations
 
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
-from bayesid.diagnosis.hypotheses.rules import CAUSE_OR_FORM, LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
+from bayesid.diagnosis.hypotheses.rules import (
+    CAUSE_OR_FORM,
+    LACKS_PROBABILITY,
+    LEEWAY,
+    REFUTED,
+    TURNS_BY_ITSELF,
+)
 from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence, size_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
@@ -36,6 +42,13 @@ def cannot_tell(result: Result) -> str:
         return (
             "Something acts that is not among the known effects, or the equations lack a force that depends "
             f"on the motion: these runs cannot tell.{also}"
+        )
+    if told := withdrawn(result):
+        said = and_list(f"{lowered(sentence(e).rstrip('.'))} ({probability(e.probability)})" for e in told)
+        it = "it is" if len(told) == 1 else "they are"
+        return (
+            f"By the identification runs, {said}, but held-out runs are predicted worse so than with "
+            f"re-tuned coefficients: {it} not named."
         )
     if result.rule == TURNS_BY_ITSELF:  # probabilities know nothing of that
         seeming = [e.name for e in result.effects[:1]]
@@ -76,6 +89,11 @@ def cannot_tell(result: Result) -> str:
     if result.together > EVEN_ODDS:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
     return f"These runs cannot tell which it is: {listed}{alone}{pairs}."
+
+
+def withdrawn(result: Result) -> list[Effect]:
+    """What was named before held-out runs were read and is predicted worse with; nothing elsewhere."""
+    return [e for e in result.effects if e.parameters] if result.rule == REFUTED else []
 
 
 def only_sized(result: Result) -> Effect | None:

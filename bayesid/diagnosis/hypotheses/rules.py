@@ -37,6 +37,7 @@ OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the
 BESIDE_FORM = "coefficient beside a model form"
 NO_SIZE_BESIDE_FORM = "no size beside a model form"
 OUTSIDE_SAID = (MOTION_EVENT, OTHER_DEPENDENCE)  # rules that say what is outside the list
+REFUTED = "refuted by held-out runs"  # said of a name under which they are predicted worse, last of all
 LEFT_OUT_WORSE = "left-out runs predicted worse"  # said of two checks that fail, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
 # Rules by which the first of several explanations lacks probability and nothing else.

@@ -15,7 +15,15 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, Unnamed, grounds_of, simplest
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, NAMING, WORDS, Rule, Word, deciding
+from bayesid.diagnosis.hypotheses.rules import (
+    LEFT_OUT_WORSE,
+    NAMING,
+    REFUTED,
+    WORDS,
+    Rule,
+    Word,
+    deciding,
+)
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
 __all__ = [
@@ -57,9 +65,6 @@ def decide(
     return Verdict(
         rule.word, effects, set95, confounded, _reasons(grounds, rule), rule.name, grounds.named.unnamed
     )
-
-
-REFUTED = "refuted by held-out runs"
 
 
 def after_holdout(verdict: Verdict, worse: Sequence[str]) -> Verdict:
