@@ -36,15 +36,15 @@ def test_a_design_for_a_boat_of_two_thrusters_shows_both():
     assert len(manoeuvre_figures.orders(T, {}, states).axes) > 0
 
 
-@pytest.mark.parametrize("rudder", [False, True])
+@pytest.mark.parametrize("rudder", ["", "port", "starboard"])
 def test_the_pictures_of_imported_runs_draw_thrusters_where_nothing_turns(rudder):
     run = boat_trial().runs[0]
     if rudder:
         run = replace(run, measured_inputs={"delta_r": np.sin(run.t)})
     axes = Figure().subplots()
-    import_figure._draw_orders(axes, run, np.ones(run.t.size, bool), 0.0)
+    import_figure._draw_orders(axes, run, np.ones(run.t.size, bool), 0.0, rudder or "port")
     there = {line.get_label() for ax in axes.figure.axes for line in ax.lines}
     if rudder:
-        assert there == {"rudder (port +) [deg]"}
+        assert there == {f"rudder ({rudder} +) [deg]"}
     else:
         assert there == {"speed of thruster port [rpm]", "speed of thruster stbd [rpm]"}

@@ -251,7 +251,7 @@ def diagnosed_model(
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
         evidences.append(evidence)
-    weights = _log_weights(candidates, chosen, evidences, each)
+    weights = _log_weights(candidates, chosen, evidences, each, len(problem.stated.names))
     if not np.isfinite(weights.max()):
         raise ModelError(NOT_LINEARISABLE)
     share = np.exp(weights - weights.max())
@@ -343,6 +343,7 @@ def _log_weights(
     chosen: Sequence[RefittedHypothesis],
     evidence: Sequence[float],
     each: float,
+    coefficients: int,
 ) -> Array:
     """Logarithm of what each explanation weighs, up to a constant; beside a form, where evidence between
     causes is worth less than it says, its probability, which refits of one name share by evidence.
@@ -351,6 +352,7 @@ def _log_weights(
     ----------
     evidence : log evidence of each fit under the disturbance its residuals call for
     each : prior of one effect
+    coefficients : number of them, each of which may as well be the one that is off
     """
     own = np.array([e + c.log_evidence - c.fit.log_evidence for e, c in zip(evidence, chosen, strict=True)])
     if candidates.error.leaves > 0.0:
@@ -360,7 +362,10 @@ def _log_weights(
             alike = [logsumexp([o for o, k in zip(own, keys, strict=True) if k == key]) for key in keys]
             with np.errstate(divide="ignore"):
                 return np.log(told) + own - np.array(alike)
-    return own + np.log([each ** len(c.effects) if c.effects else PRIOR_NONE for c in chosen])
+    prior = [each ** len(c.effects) if c.effects else PRIOR_NONE for c in chosen]
+    return own + np.log(
+        [p / max(coefficients, 1) if c.widens else p for p, c in zip(prior, chosen, strict=True)]
+    )
 
 
 def _hypothesis(

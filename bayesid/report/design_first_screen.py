@@ -95,7 +95,8 @@ def first_blocks(case: PlanningCase, plan: ManoeuvrePlan, table: str) -> list[Bl
     drawn = figures.orders(track.t, plan.execution.commands, {n: track[n] for n in "xyz" if n in track.names})
     if chosen(plan).kind == "designed":
         steps = [
-            f"Load `{table}` into the autopilot, or steer by it: every row holds until the next.",
+            f"Load `{table}` into the autopilot, or steer by it: every row holds until the next, and a "
+            "positive rudder turns to port, whatever the log counts.",
             f"`bayesid simulate VEHICLE table:{table}` runs it with another vehicle first; look at the room "
             "it takes if the coefficients are wrong.",
         ]

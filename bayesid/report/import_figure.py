@@ -44,7 +44,8 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
                 track.set_xlabel("east [m]")
                 track.set_ylabel("north [m]")
             shaft = bool({"n", "n_cmd"} & set(proposal.map.channels))
-            _draw_orders(command, look if shaft else _without_shaft(look), own, zero)
+            side = proposal.map.rudder_positive
+            _draw_orders(command, look if shaft else _without_shaft(look), own, zero, side)
             if "psi" in look.data and own.any():
                 psi = np.degrees(look.data["psi"][own])
                 command.plot(
@@ -61,15 +62,20 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
     return paths
 
 
-def _draw_orders(axes: Any, look: Run, own: np.ndarray, zero: float) -> None:
-    """Angles on the axes of the heading; where none moves, speeds of shafts and thrusters on a second one."""
+def _draw_orders(axes: Any, look: Run, own: np.ndarray, zero: float, side: str) -> None:
+    """Angles on the axes of the heading; where none moves, speeds of shafts and thrusters on a second one.
+
+    Parameters
+    ----------
+    side : to which a positive rudder of the log, as it is drawn, turns
+    """
     measured = {f"{name}_cmd": values for name, values in look.measured_inputs.items()}
     orders = [o for o in shown_orders({**measured, **look.commands}) if o.moves]
     angles = [o for o in orders if o.unit == "deg"]
     if not angles and orders:
         axes = axes.twinx()
     for i, order in enumerate(angles or orders):
-        label = f"{order.label.replace(' order', '')} [{order.unit}]"
+        label = f"{order.label.replace(' order', '').replace('port +', f'{side} +')} [{order.unit}]"
         axes.plot(look.t[own] - zero, order.values[own], color=f"C{i + 1}", lw=1.0, label=label)
     if not angles and orders:
         axes.legend(fontsize=7, loc="lower right")

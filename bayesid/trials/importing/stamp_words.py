@@ -104,13 +104,15 @@ def set_back_words(name: str, found: Stamps) -> str:
     )
 
 
-def rounded_words(name: str, label: str, found: Stamps, lost: str = "") -> str:
-    """Of stamps that are rounded; lost : what becomes of the rest as the map stands."""
+def rounded_words(name: str, label: str, found: Stamps, lost: str = "", spread: bool = False) -> str:
+    """Of stamps that are rounded; lost : what becomes of the rest as the map stands; spread : whether the map
+    spreads them already."""
     each = 1.0 / (1.0 - found.equal)
     return (
         f"stamps of {name} are rounded: about {each:.1f} {found.repeats} have one stamp, {found.usual:.3g} s "
-        f"apart{lost}; spread = true in [sources.{label}] spreads rows evenly until the next stamp, right "
-        f"within {found.usual:.3g} s; better give the stamps with more digits"
+        f"apart{lost}; spread = true in [sources.{label}]{', which is set,' if spread else ''} spreads "
+        f"rows evenly until the next stamp, right within {found.usual:.3g} s; better give the stamps with "
+        "more digits"
     )
 
 

@@ -46,10 +46,11 @@ def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
         draft.ask(0, set_back_words(name, found))
     if found.equal > ROUNDED:
         sources = dict(draft.map.sources)
-        options = replace(sources[label].options, spread=True)
-        sources[label] = replace(sources[label], options=options)
-        draft.map = replace(draft.map, sources=sources)
-        draft.ask(1, rounded_words(name, label, found))
+        if not sources[label].options.spread:  # one question for all files of a source
+            options = replace(sources[label].options, spread=True)
+            sources[label] = replace(sources[label], options=options)
+            draft.map = replace(draft.map, sources=sources)
+            draft.ask(1, rounded_words(name, label, found, spread=True))
     for text in small_words(name, found):
         draft.remark(text)
     if found.uneven is not None and found.equal <= ROUNDED:
