@@ -115,6 +115,8 @@ def test_a_stamp_of_nanoseconds_keeps_its_digits():
         ("Kurs [Grad]", "Kurs", "deg"), ("Drehrate [Grad/s]", "Drehrate", "deg/s"),
         ("Kurs [grader]", "Kurs", "deg"), ("Fart [knop]", "Fart", "kn"),
         ("Helm (deg, stbd +)", "Helm", "deg"), ("Rudder [deg port+]", "Rudder", "deg"),
+        ("Rudder order [deg] (+ = stbd)", "Rudder order", "deg"), ("Helm (port +) [rad]", "Helm", "rad"),
+        ("n thruster (port) [rpm]", "n thruster (port)", "rpm"),
         ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
             "rpm", None),
     ],

@@ -105,7 +105,7 @@ def is_unit(text: str) -> bool:
 
 def split_unit(header: str) -> tuple[str, str | None]:
     """Name and unit of a header; the unit is None where none is stated."""
-    header = header.strip()
+    header = _without_side(header.strip())
     found = _BRACKET.fullmatch(header)
     if found is not None and found[1]:
         unit = next((g for g in found.groups()[1:] if g is not None), None)
@@ -125,6 +125,14 @@ def split_unit(header: str) -> tuple[str, str | None]:
         if last.lower() not in _LETTERS or _long(head):
             return head, plain_unit(last)
     return header, None
+
+
+def _without_side(header: str) -> str:
+    """The header without a bracket that says nothing but which side is positive: `Helm [deg] (+ = stbd)`."""
+    for found in re.finditer(r"\s*[\[(<{]([^\[\](){}<>]*)[\])>}]", header):
+        if _SIDE.fullmatch(" ".join(found[1].split())) and header[: found.start()].strip():
+            return " ".join((header[: found.start()] + header[found.end() :]).split())
+    return header
 
 
 def suffix_unit(header: str) -> str | None:
