@@ -483,6 +483,11 @@ def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty(
     moved = {"N_dr": Moved(-1.0, 0.1, -1.4, -1.4), "Y_v": Moved(-1.0, 0.1, -1.01, -1.01)}
     steps = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved)).steps
     assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
+    written = answer(
+        replace(a_result("none", (), (), 0.0, runs=runs), moved=moved), Places("pond", "gap")
+    ).steps
+    (told,) = [s for s in written if s.startswith("Re-tune: `bayesid export gap --out")]
+    assert "--free N_dr" in told and "frees only what moved" in told
 
 
 def test_re_tuning_is_advised_for_all_coefficients_that_surely_moved_of_which_six_are_listed():

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_DRAWS = 10_000
-ENSEMBLE = "ensemble.json"
+ENSEMBLE, ESTIMATE = "ensemble.json", "vehicle.toml"
 _ROWS = frozenset(t.name for t in TERMS)
 
 
@@ -39,12 +39,13 @@ def export(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ExportResult:
-    """Write an ensemble of vehicles: a vehicle file per draw, and what goes with each in ensemble.json.
+    """Write the estimate, an ensemble of vehicles about it, and what goes with each in ensemble.json.
 
     Parameters
     ----------
     model : folder of `bayesid.fit` or `bayesid.diagnose`
-    out : folder for vehicle_0001.toml, vehicle_0002.toml, ... and ensemble.json
+    out : folder for vehicle.toml, the estimate of the most probable explanation, vehicle_0001.toml,
+        vehicle_0002.toml, ... and ensemble.json
     draws : vehicles drawn from the posterior, every one of the same weight
     effects : declarations of effects beyond the catalogue, as in the diagnosis
     seed : of the draws; the disturbance of draw k is to be generated with the seed that stands beside it
@@ -64,23 +65,43 @@ def export(
     rng = np.random.default_rng(seed)
     drawn = [(h, par) for h, pars in found.draw(rng, draws) for par in pars]
     shown = progress or Progress(quiet=True)
+    estimate = _estimate(found, Path(out), seed)
     members = []
     for number, (hypothesis, par) in enumerate(shown.track(drawn, "vehicles"), 1):
         file = f"vehicle_{number:0{len(str(draws))}d}.toml"
-        values = {n: float(par[found.model.index[n]]) for n in hypothesis.names if n in _ROWS}
-        vehicle = identified(
-            found.model.vehicle, values, source=f"draw {number} of {draws}, seed {seed}",
-            name=f"{found.model.vehicle.name}, draw {number}",
-        )  # fmt: skip
-        write_vehicle(vehicle, Path(out) / file)
+        _write(found, hypothesis, par, Path(out) / file, f"draw {number} of {draws}, seed {seed}", number)
         members.append(_member(found, hypothesis, par, file, 1.0 / draws, seed + number))
     record = {
         "model": found.model.digest, "verdict": found.verdict, "trial": found.trial, "seed": seed,
         "units": "SI; the disturbance is stationary Ornstein-Uhlenbeck noise, one per axis",
-        "sensor_noise": dict(found.noise), "failed_checks": list(found.failed_checks), "members": members,
+        "sensor_noise": dict(found.noise), "failed_checks": list(found.failed_checks),
+        "estimate": estimate, "members": members,
     }  # fmt: skip
     write_json(Path(out) / ENSEMBLE, record)
     return ExportResult(record, Path(out))
+
+
+def _estimate(found: DiagnosedModel, out: Path, seed: int) -> dict[str, Any]:
+    """The most probable explanation at its estimate, written as vehicle.toml."""
+    best = max(found.hypotheses, key=lambda h: h.weight)
+    par = np.array(found.model.nominal)
+    par[[found.model.index[n] for n in best.names]] = best.mean
+    _write(found, best, par, out / ESTIMATE, "estimate of the most probable explanation")
+    return _member(found, best, par, ESTIMATE, float(best.weight), seed)
+
+
+def _write(
+    found: DiagnosedModel,
+    hypothesis: WeightedHypothesis,
+    par: np.ndarray,
+    file: Path,
+    source: str,
+    number: int | None = None,
+) -> None:
+    values = {n: float(par[found.model.index[n]]) for n in hypothesis.names if n in _ROWS}
+    own = found.model.vehicle.name
+    name = f"{own}, estimate" if number is None else f"{own}, draw {number}"
+    write_vehicle(identified(found.model.vehicle, values, source=source, name=name), file)
 
 
 def _member(
@@ -144,7 +165,10 @@ class ExportResult(Result):
         acting = sorted({name.split(".")[0] for m in members for name in m["effects"]})
         with_effects = f", effects {', '.join(acting)}" if acting else ", no effects"
         vehicles = counted(len(members), "vehicle")
-        lines = [f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each"]
+        lines = [
+            f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each, {ESTIMATE} is "
+            "the estimate"
+        ]
         lines += [f"CHECK FAILED: {text}" for text in self.numbers["failed_checks"]]
         return "\n".join(lines)
 

@@ -398,6 +398,12 @@ def _proof(result: Result) -> str:
 
 def _retune(result: Result, places: Places) -> str:
     command = f"bayesid fit {places.trial}{freeing(result)} --out {places.beside('fit')}"
+    if places.folder and not any(w.startswith(NO_MODEL) for w in result.warnings):
+        export = f"bayesid export {places.folder} --out {places.beside('retuned')}"
+        return (
+            f"Re-tune: `{export}` writes the vehicle of the errors above, all coefficients re-tuned within "
+            f"what is known of them (vehicle.toml, and draws). `{command}` frees only what moved for sure."
+        )
     return f"Re-tune: `{command}` writes the vehicle file."
 
 
