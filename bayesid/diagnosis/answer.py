@@ -5,6 +5,7 @@ Takes a `Result`. Gives a frozen `Answer`, of which terminal and report are view
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 from bayesid.diagnosis.cannot_tell import (
@@ -460,7 +461,11 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
         best = result.next_manoeuvre[0]
         orders = f": {best.orders}" if best.orders else ""
         told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
-        out.append(f"Run next: {told}; it tells best what is still open.")
+        table = f"`bayesid simulate VEHICLE {shlex.quote(best.typed)} --out FOLDER`"
+        out.append(
+            f"Run next: {told}; it tells best what is still open. {table} writes its orders (rudder positive "
+            "to port) and shows the room it takes."
+        )
     elif apart := to_tell_apart(result, places):
         out.append(apart)
     return (*out, prediction_step(_why_not(result), places=places, example=example_of(result)))
