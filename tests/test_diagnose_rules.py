@@ -57,7 +57,14 @@ CASES = [
         "outside_acts": (0.5, "refuted by the runs"), "of_motion": (True, "shapes of a model form")}),
     ("unlisted cause beside others", replace(BESIDE, widens=True), {
         "outside_acts": (0.5, "unsure coefficient")}),
-    ("unlisted cause beside others", replace(BESIDE, form=True), {"covered": (True, "model form")}),
+    ("unlisted cause beside others", replace(BESIDE, form=True), {
+        "covered": (True, "unlisted cause in place of a model form")}),
+    ("unlisted cause in place of a model form", replace(BESIDE, form=True, covered=True, most_acts=0.95), {
+        "outside_acts": (NAMING_PROBABILITY - TINY, "model form"), "left": (19.0, "model form"),
+        "free": (19.0, "model form"), "over_motion": (CAUSE_OVER_MOTION - TINY, "model form"),
+        "form": (False, "unsure effect"), "outside": (EVEN_ODDS + TINY, "unlisted cause")}),
+    ("unlisted cause in place of a model form", replace(BESIDE, form=True, gain=3.9, moved=True), {
+        "over_motion": (math.inf, "coefficient beside a model form")}),
     ("force of the motion", replace(PLAIN, outside=EVEN_ODDS + TINY, over_motion=-200.0), {
         "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect"),
         "over_motion": (9.0, "unlisted cause")}),
@@ -167,6 +174,7 @@ NAMES = Named(
 SAID = {
     "unlisted cause": ("outside", (), ()),
     "unlisted cause beside others": ("outside", (), ()),
+    "unlisted cause in place of a model form": ("outside", (), ()),
     "force of the motion": ("model_form", (), ()),
     "unlisted cause or a force of the motion": ("ambiguous", ("a", "b"), ()),
     "coefficient beside a model form": ("coefficients", (), ()),

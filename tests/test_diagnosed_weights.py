@@ -7,7 +7,7 @@ import pytest
 
 from bayesid.diagnosis.diagnosed_model import _chosen, _left_out, _log_weights
 from bayesid.diagnosis.hypotheses.probabilities import FormError
-from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
+from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE, UNLISTED_OVER_FORM
 
 
 def refit(log_evidence, *effects):
@@ -37,6 +37,7 @@ def test_a_model_form_is_predicted_by_what_its_answer_shows():
     # a force with the place that explains more is predicted by what its answer shows, too
     assert chosen("outside", rule=OTHER_DEPENDENCE, set95=("outside",)) == [NONE]
     assert chosen("outside", rule=OTHER_DEPENDENCE, set95=("outside", "lag")) == [NONE, LAG, WIND]
+    assert chosen("outside", rule=UNLISTED_OVER_FORM, set95=("outside", "lag")) == [NONE]
     assert chosen("outside", rule="unlisted cause", set95=("outside",)) == [NONE, LAG, WIND]
 
 

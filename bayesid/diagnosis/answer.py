@@ -37,7 +37,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     NONE_SURE,
     OUTSIDE_SAID,
     REFUTED,
-    UNLISTED_BESIDE,
+    UNLISTED_AMONG,
 )
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import (
@@ -316,7 +316,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
     other = [(n, p) for n, p in rivals(result) if n not in said]
     if (result.verdict == "outside" and result.rule != LEFT_OUT_WORSE) or result.rule in OUTSIDE_SAID:
         other = [(n, p) for n, p in other if n != "outside"]  # said already
-    if result.rule == UNLISTED_BESIDE:
+    if result.rule in UNLISTED_AMONG:
         other = [(n, result.acting[n]) for n in result.set95 if n in result.acting and n != "outside"]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
@@ -325,7 +325,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
         )
         besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
         what = "What may act beside it" if besides else "What else it could be"
-        if result.rule == UNLISTED_BESIDE:
+        if result.rule in UNLISTED_AMONG:
             what = "What may act beside it, one or the other"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"

@@ -15,7 +15,7 @@ from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.probabilities import probabilities
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, OTHER_DEPENDENCE, UNLISTED_BESIDE
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, OTHER_DEPENDENCE, UNLISTED_AMONG
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide, simplest
 
 
@@ -80,7 +80,7 @@ def verdict_with(
     nobody_needs = verdict.word in ("none", "model_form")
     if dependence is not None and dependence.alone == 0.0 and nobody_needs:
         dependence = None  # told beside an effect that nobody needs, and not without it
-    sure = verdict.word == "outside" and verdict.rule != UNLISTED_BESIDE  # what follows says more of that
+    sure = verdict.word == "outside" and verdict.rule not in UNLISTED_AMONG  # what follows says more of that
     if sure or (dependence is None and not motions):
         return verdict
     moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)

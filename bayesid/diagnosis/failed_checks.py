@@ -9,7 +9,12 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
-from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE
+from bayesid.diagnosis.hypotheses.rules import (
+    BESIDE_FORM,
+    NAMING,
+    OTHER_DEPENDENCE,
+    UNLISTED_OVER_FORM,
+)
 from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
@@ -31,7 +36,8 @@ NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
 def needs_none(word: str, rule: str, set95: tuple[str, ...]) -> bool:
     """Whether a verdict stands on no effect, be it that a force with the place or a period explains more."""
-    return word in NEEDS_NONE or rule == BESIDE_FORM or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
+    of_form = rule in (BESIDE_FORM, UNLISTED_OVER_FORM)
+    return word in NEEDS_NONE or of_form or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
 
 
 def explanation(result: Result) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from bayesid.diagnosis.cannot_tell import MOST_RIVALS
 from bayesid.diagnosis.event_words import rudder_off, unexplained
 from bayesid.diagnosis.failed_checks import explanation
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, OUTSIDE_SAID, UNLISTED_BESIDE
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, OUTSIDE_SAID, UNLISTED_AMONG
 from bayesid.diagnosis.plain_words import in_words, probability
 from bayesid.diagnosis.result import Result
 from bayesid.words import first_few
@@ -29,7 +29,7 @@ def unlisted(result: Result) -> str:
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
         return unexplained(result).strip() + also
     place = result.where.channel
-    if result.rule == UNLISTED_BESIDE:  # of what the others leave
+    if result.rule in UNLISTED_AMONG:  # of what the others leave
         place = next(iter(result.where.after), place)
     where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
     if result.rule != LEFT_OUT_WORSE:

@@ -31,6 +31,8 @@ NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
 LEEWAY = "leeway reads the same"
 UNLISTED_BESIDE = "unlisted cause beside others"
+UNLISTED_OVER_FORM = "unlisted cause in place of a model form"
+UNLISTED_AMONG = (UNLISTED_BESIDE, UNLISTED_OVER_FORM)  # rules by which it acts beside whatever else may
 CAUSE_OR_FORM = "unlisted cause or a force of the motion"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
 OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
@@ -69,6 +71,13 @@ class Rule:
     silent: Literal["", "none", "model_form"] = ""
 
 
+def _unlisted_acts(f: Facts) -> bool:
+    """Whether a cause that is not listed acts for sure, whatever else does, and something is left that a free
+    force explains better than one of the motion and the controls: asked, not assumed."""
+    left = f.free_shows and (f.rest_shows or not f.explains)
+    return left and f.outside_acts >= NAMING_PROBABILITY and CAUSE_OVER_MOTION <= f.over_motion < math.inf
+
+
 RULES: tuple[Rule, ...] = (
     Rule(
         "unlisted cause",
@@ -92,6 +101,15 @@ RULES: tuple[Rule, ...] = (
         "a free signal gains more than chance allows, and a force of the motion and the controls of some "
         "shape explains about as much of what is left beside all effects",
         silent="model_form",
+    ),
+    Rule(
+        UNLISTED_OVER_FORM,
+        lambda f: _unlisted_acts(f)
+        and f.form and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
+        "outside", "nothing", "nothing",
+        "what effects gain is no more than a force of the motion may leave, but a free force explains more "
+        "of what is left than any such force, and a cause that is not listed acts with at least "
+        f"{NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         BESIDE_FORM,
@@ -156,9 +174,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         UNLISTED_BESIDE,
-        lambda f: f.outside_acts >= NAMING_PROBABILITY and f.most_acts < NAMING_PROBABILITY
-        and f.free_shows and (f.rest_shows or not f.explains)
-        and CAUSE_OVER_MOTION <= f.over_motion < math.inf,
+        lambda f: _unlisted_acts(f) and f.most_acts < NAMING_PROBABILITY,
         "outside", "nothing", "nothing",
         f"a cause that is not listed acts with at least {NAMING_PROBABILITY:.0%}, whichever others do, of "
         "which none is as probable, and a free force explains more of what is left than one of the motion "
