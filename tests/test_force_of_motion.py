@@ -101,9 +101,11 @@ def test_a_free_force_is_set_against_it_where_a_cause_outside_is_probable(monkey
     monkeypatch.setattr(dependence_stage, "force_of_motion", lambda sought: force)
     monkeypatch.setattr(dependence_stage, "force_left", lambda found: 213.0)
 
-    def over(outside):
-        found = Plain(candidates=Plain(probabilities={"outside": outside}))
+    def over(outside, acts=0.0):
+        candidates = Plain(probabilities={"outside": outside}, inside={"outside": max(outside, acts)})
+        found = Plain(candidates=candidates)
         return dependence_stage.over_motion(found, Plain(runs=runs, known=KNOWN))
 
     assert over(0.51) == pytest.approx(213.0 - 470.0)
-    assert over(0.5) == np.inf
+    assert over(0.5) == over(0.4, 0.89) == np.inf
+    assert over(0.4, 0.9) == pytest.approx(213.0 - 470.0)  # it acts for sure, with others
