@@ -44,7 +44,7 @@ def test_a_model_form_is_predicted_by_what_its_answer_shows():
 @pytest.mark.parametrize("leaves, odds", [(60.0, 0.5 / 0.4), (0.0, np.exp(20.0))])
 def test_draws_are_as_sure_of_the_cause_as_the_verdict(leaves, odds):
     """Beside a form 20 nats are worth what the verdict made of them; where the equations hold, 20 nats."""
-    lag, wind = _log_weights(comparison(leaves), [LAG, WIND], [900.0, 880.0], 0.01, 30)
+    lag, wind = _log_weights(comparison(leaves), [LAG, WIND], [900.0, 880.0], 0.01, ("N_v", "N_r"))
     assert np.exp(lag - wind) == pytest.approx(odds)
 
 
@@ -53,12 +53,14 @@ def test_beside_a_form_refits_of_one_name_share_its_probability():
     found.sets = {("none",): 0.1, ("lag", "wind"): 0.3, ("coefficient_error",): 0.6}
     pair = refit(900.0, "wind", "lag")
     wide = [refit(700.0, "coefficient_error:N_v"), refit(702.0, "coefficient_error:N_r")]
-    weights = np.exp(_log_weights(found, [NONE, pair, *wide], [0.0, 900.0, 700.0, 702.0], 0.01, 30))
+    weights = np.exp(
+        _log_weights(found, [NONE, pair, *wide], [0.0, 900.0, 700.0, 702.0], 0.01, ("N_v", "N_r"))
+    )
     assert weights[:2] == pytest.approx([0.1, 0.3])
     assert weights[2:].sum() == pytest.approx(0.6)
     assert weights[3] / weights[2] == pytest.approx(np.exp(2.0))
     found.sets = {("outside",): 1.0}  # nothing of what can be drawn has any: evidence is left
-    assert np.all(np.isfinite(_log_weights(found, [NONE, pair], [0.0, 900.0], 0.01, 30)))
+    assert np.all(np.isfinite(_log_weights(found, [NONE, pair], [0.0, 900.0], 0.01, ("N_v", "N_r"))))
 
 
 def test_one_coefficient_of_many_that_gains_by_chance_is_seldom_drawn_where_nothing_is_needed():
@@ -66,8 +68,11 @@ def test_one_coefficient_of_many_that_gains_by_chance_is_seldom_drawn_where_noth
     verdict that gave wrong coefficients 0.02."""
     found = Plain(error=FormError(0.0), sets={})
     gains = [0.0, 4.4, 4.4]
-    none, row, lag = _log_weights(found, [NONE, refit(4.4, "coefficient_error:X_vv"), LAG], gains, 0.01, 36)
-    assert np.exp(row - none) == pytest.approx(np.exp(4.4) * 0.01 / 36 / 0.5)
+    names = [f"c{k}" for k in range(35)] + ["X_vv"]
+    row, every = (refit(4.4, f"coefficient_error:{n}") for n in ("X_vv", "every coefficient x3"))
+    none, row, every, lag = _log_weights(found, [NONE, row, every, LAG], [*gains, 4.4], 0.01, names)
+    assert np.exp(every - none) == pytest.approx(np.exp(4.4) * 0.01 * 0.25 / 0.5)  # one of two widths of all
+    assert np.exp(row - none) == pytest.approx(np.exp(4.4) * 0.01 * 0.5 / 36 / 0.5)
     assert np.exp(lag - none) == pytest.approx(np.exp(4.4) * 0.01 / 0.5)  # an effect pays for itself alone
 
 

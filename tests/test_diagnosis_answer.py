@@ -747,8 +747,8 @@ def test_what_may_act_beside_something_unlisted_is_listed_by_how_probably_it_act
     assert said.headline.startswith(
         "Something acts that is not among the known effects (probability 0.94), in the rudder's angle"
     )
-    beside = [x for x in said.certainty if x.startswith("What may act beside it, one or the other: ")]
-    assert beside == ["What may act beside it, one or the other: wind (0.54), crossflow drag (0.46)."]
+    beside = [x for x in said.certainty if x.startswith("What may act beside it: ")]
+    assert beside == ["What may act beside it: wind (0.54), crossflow drag (0.46)."]
     assert not any("What else it could be" in x for x in said.certainty)
 
 

@@ -59,14 +59,14 @@ def test_vehicle_files_and_effects_are_draws_of_the_posterior(folder, tmp_path):
 
 def test_the_estimate_is_a_vehicle_file_of_its_own(folder, tmp_path):
     bayesid.export(folder, tmp_path, 2)
-    model = build_model(load_vehicle(tmp_path / "vehicle.toml"), 3)
+    model = build_model(load_vehicle(tmp_path / "vehicle_estimate.toml"), 3)
     np.testing.assert_allclose(model.nominal[model.positions(NAMES[:2])], MEAN[:2], rtol=1e-6)
     untouched = [n for n in model.coefficients if n not in NAMES]
     np.testing.assert_allclose(
         model.nominal[model.positions(untouched)], MODEL.nominal[MODEL.positions(untouched)], rtol=1e-6
     )
     record = json.loads((tmp_path / "ensemble.json").read_text(encoding="utf-8"))
-    assert record["estimate"]["vehicle"] == "vehicle.toml"
+    assert record["estimate"]["vehicle"] == "vehicle_estimate.toml"
     assert record["estimate"]["effects"] == {NAMES[2]: pytest.approx(0.02)}
 
 
@@ -92,8 +92,8 @@ def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(fo
     assert run(["export", str(folder), "--draws", "3", "--out", str(tmp_path / "e")]) == 0
     assert "3 vehicles of equal weight, effects rudder_offset" in capsys.readouterr().out
     assert sorted(p.name for p in (tmp_path / "e").iterdir()) == [
-        "ensemble.json", "vehicle.schema.json", "vehicle.toml", "vehicle_1.toml", "vehicle_2.toml",
-        "vehicle_3.toml",
+        "ensemble.json", "vehicle.schema.json", "vehicle_1.toml", "vehicle_2.toml", "vehicle_3.toml",
+        "vehicle_estimate.toml",
     ]  # fmt: skip
     assert run(["export", str(tmp_path), "--out", str(tmp_path / "f")]) == 2
     assert "bayesid fit" in capsys.readouterr().err

@@ -86,3 +86,32 @@ def test_a_helmsman_who_answers_the_waves_is_not_on_the_other_side():
 def test_two_runs_that_contradict_each_other_tell_no_side():
     pair = [replace(weave(1), name="one"), mirrored(replace(weave(2), name="other"))]
     assert other_side(pair) == ()
+
+
+def test_a_run_astern_is_not_on_the_other_side():
+    """The screw ahead of the rudder: its turn is to the other side, whether a speed says so or the track."""
+    run = mirrored(circle("astern", 0.4, 4))
+    rest = [replace(weave(k), name=f"weave{k}") for k in range(3)]
+    assert other_side([*rest, run]) == ("astern",)  # control: ahead, for all that is known
+    backwards = replace(run, data={**run.data, "u_water": np.full(run.t.size, -1.0)})
+    assert other_side([*rest, backwards]) == ()
+    dt, psi = np.diff(run.t, prepend=run.t[0]), run.data["psi"]
+    track = {"x": np.cumsum(-np.cos(psi) * dt), "y": np.cumsum(-np.sin(psi) * dt)}
+    assert other_side([*rest, replace(run, data={**run.data, **track})]) == ()
+    ahead = {name: -values for name, values in track.items()}
+    assert other_side([*rest, replace(run, data={**run.data, **ahead})]) == ("astern",)
+
+
+def test_a_reading_that_is_the_mirror_image_of_its_order_is_no_run_of_the_other_sign():
+    """One of the two is wrong, and the other would be spoilt by a mend of both."""
+    read = [replace(run, measured_inputs={"delta_r": run.commands[KEY]}) for run in others()]
+    wrong = [
+        replace(run, measured_inputs={"delta_r": -run.commands[KEY]}) if run.name == "port" else run
+        for run in read
+    ]
+    assert other_side(read) == () == other_side(wrong)
+    whole = [
+        replace(mirrored(run), measured_inputs={"delta_r": -run.commands[KEY]}) if run.name == "port" else run
+        for run in read
+    ]
+    assert other_side(whole) == ("port",)

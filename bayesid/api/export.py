@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_DRAWS = 10_000
-ENSEMBLE, ESTIMATE = "ensemble.json", "vehicle.toml"
+ENSEMBLE, ESTIMATE = "ensemble.json", "vehicle_estimate.toml"
 _ROWS = frozenset(t.name for t in TERMS)
 
 
@@ -44,7 +44,7 @@ def export(
     Parameters
     ----------
     model : folder of `bayesid.fit` or `bayesid.diagnose`
-    out : folder for vehicle.toml, the estimate of the most probable explanation, vehicle_0001.toml,
+    out : folder for vehicle_estimate.toml, the estimate of the most probable explanation, vehicle_0001.toml,
         vehicle_0002.toml, ... and ensemble.json
     draws : vehicles drawn from the posterior, every one of the same weight
     effects : declarations of effects beyond the catalogue, as in the diagnosis
@@ -82,7 +82,7 @@ def export(
 
 
 def _estimate(found: DiagnosedModel, out: Path, seed: int) -> dict[str, Any]:
-    """The most probable explanation at its estimate, written as vehicle.toml."""
+    """The most probable explanation at its estimate, written as vehicle_estimate.toml."""
     best = max(found.hypotheses, key=lambda h: h.weight)
     par = np.array(found.model.nominal)
     par[[found.model.index[n] for n in best.names]] = best.mean

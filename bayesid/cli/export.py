@@ -29,7 +29,7 @@ def export(
 ) -> int:
     """Write an ensemble of vehicles with effects, disturbances, weights and seeds.
 
-    --out gets vehicle.toml (the estimate), a vehicle file per draw and ensemble.json, all in SI units.
+    --out gets vehicle_estimate.toml, a vehicle file per draw and ensemble.json, all in SI units.
     """
     from bayesid.api.export import export as run
     from bayesid.cli.output import print_json, print_text

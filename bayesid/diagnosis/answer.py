@@ -317,7 +317,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
     if (result.verdict == "outside" and result.rule != LEFT_OUT_WORSE) or result.rule in OUTSIDE_SAID:
         other = [(n, p) for n, p in other if n != "outside"]  # said already
     if result.rule in UNLISTED_AMONG:
-        other = [(n, result.acting[n]) for n in result.set95 if n in result.acting and n != "outside"]
+        others = [n for n in result.set95 if n in result.acting and n not in ("outside", "model_form")]
+        other = [(n, result.acting[n]) for n in others]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
         listed = ", ".join(
@@ -326,7 +327,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
         besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
         what = "What may act beside it" if besides else "What else it could be"
         if result.rule in UNLISTED_AMONG:
-            what = "What may act beside it, one or the other"
+            what = "What may act beside it"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")
@@ -399,11 +400,13 @@ def _proof(result: Result) -> str:
 
 def _retune(result: Result, places: Places) -> str:
     command = f"bayesid fit {places.trial}{freeing(result)} --out {places.beside('fit')}"
-    if places.folder and not any(w.startswith(NO_MODEL) for w in result.warnings):
-        export = f"bayesid export {places.folder} --out {places.beside('retuned')}"
+    made = places.folder and not any(w.startswith(NO_MODEL) for w in result.warnings)
+    if made and retuned(result):
+        export = f"bayesid export {places.folder}{places.effects} --out {places.beside('retuned')}"
+        how = "frees only what moved for sure" if freeing(result) else "finds them from the runs anew"
         return (
             f"Re-tune: `{export}` writes the vehicle of the errors above, all coefficients re-tuned within "
-            f"what is known of them (vehicle.toml, and draws). `{command}` frees only what moved for sure."
+            f"what is known of them (vehicle_estimate.toml, and draws). `{command}` {how}."
         )
     return f"Re-tune: `{command}` writes the vehicle file."
 
@@ -463,8 +466,8 @@ def _steps(result: Result, places: Places) -> tuple[str, ...]:
         told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
         table = f"`bayesid simulate VEHICLE {shlex.quote(best.typed)} --out FOLDER`"
         out.append(
-            f"Run next: {told}; it tells best what is still open. {table} writes its orders (rudder positive "
-            "to port) and shows the room it takes."
+            f"Run next: {told}; it tells best what is still open. {table} writes its orders (a positive "
+            "rudder turns to port) and shows the room it takes."
         )
     elif apart := to_tell_apart(result, places):
         out.append(apart)

@@ -13,7 +13,7 @@ coefficients and the size of the disturbance, is drawn apart from it, so that it
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,11 @@ from scipy.special import logsumexp
 from bayesid.diagnosis.coefficient_estimate import CoefficientEstimate, estimate_of
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
+from bayesid.diagnosis.evidences import shares_of_wide
 from bayesid.diagnosis.failed_checks import failures, needs_none
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
 from bayesid.diagnosis.threshold_table import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.equations.model import Model
@@ -251,7 +253,7 @@ def diagnosed_model(
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
         evidences.append(evidence)
-    weights = _log_weights(candidates, chosen, evidences, each, len(problem.stated.names))
+    weights = _log_weights(candidates, chosen, evidences, each, problem.stated.names)
     if not np.isfinite(weights.max()):
         raise ModelError(NOT_LINEARISABLE)
     share = np.exp(weights - weights.max())
@@ -343,7 +345,7 @@ def _log_weights(
     chosen: Sequence[RefittedHypothesis],
     evidence: Sequence[float],
     each: float,
-    coefficients: int,
+    coefficients: Collection[str],
 ) -> Array:
     """Logarithm of what each explanation weighs, up to a constant; beside a form, where evidence between
     causes is worth less than it says, its probability, which refits of one name share by evidence.
@@ -352,7 +354,7 @@ def _log_weights(
     ----------
     evidence : log evidence of each fit under the disturbance its residuals call for
     each : prior of one effect
-    coefficients : number of them, each of which may as well be the one that is off
+    coefficients : those each of which may as well be the one that is off
     """
     own = np.array([e + c.log_evidence - c.fit.log_evidence for e, c in zip(evidence, chosen, strict=True)])
     if candidates.error.leaves > 0.0:
@@ -362,10 +364,16 @@ def _log_weights(
             alike = [logsumexp([o for o, k in zip(own, keys, strict=True) if k == key]) for key in keys]
             with np.errstate(divide="ignore"):
                 return np.log(told) + own - np.array(alike)
-    prior = [each ** len(c.effects) if c.effects else PRIOR_NONE for c in chosen]
-    return own + np.log(
-        [p / max(coefficients, 1) if c.widens else p for p, c in zip(prior, chosen, strict=True)]
-    )
+    wide = shares_of_wide({*coefficients, *EVERY})
+    prior = [
+        PRIOR_NONE
+        if not c.effects
+        else each * wide[c.effects[0].partition(":")[2]]
+        if c.widens
+        else each ** len(c.effects)
+        for c in chosen
+    ]
+    return own + np.log(prior)
 
 
 def _hypothesis(

@@ -15,7 +15,12 @@ from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.probabilities import probabilities
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, OTHER_DEPENDENCE, UNLISTED_AMONG
+from bayesid.diagnosis.hypotheses.rules import (
+    MOTION_EVENT,
+    OTHER_DEPENDENCE,
+    UNLISTED_AMONG,
+    UNLISTED_OVER_FORM,
+)
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide, simplest
 
 
@@ -77,7 +82,7 @@ def verdict_with(
             reasons=(*verdict.reasons, "left out as events, or with an order held: " + "; ".join(listed)),
         )
     motions, best = [e for e in events if e.unexplained], simplest(rest)
-    nobody_needs = verdict.word in ("none", "model_form")
+    nobody_needs = verdict.word in ("none", "model_form") or verdict.rule == UNLISTED_OVER_FORM
     if dependence is not None and dependence.alone == 0.0 and nobody_needs:
         dependence = None  # told beside an effect that nobody needs, and not without it
     sure = verdict.word == "outside" and verdict.rule not in UNLISTED_AMONG  # what follows says more of that

@@ -26,7 +26,7 @@ from bayesid.words import and_list, digits, first_few
 
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
 NEEDS_NONE = ("none", "model_form")
-# Stated uncertainties, and times its own size, from which a coefficient is not to be believed.
+# Uncertainties before the runs, and times its own size, from which a coefficient is not to be believed.
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one

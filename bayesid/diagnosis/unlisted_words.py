@@ -31,7 +31,8 @@ def unlisted(result: Result) -> str:
     place = result.where.channel
     if result.rule in UNLISTED_AMONG:  # of what the others leave
         place = next(iter(result.where.after), place)
-    where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
+    stretch = _stretch(result) if place == result.where.channel else ""  # it is of the search without effects
+    where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{stretch}"
     if result.rule != LEFT_OUT_WORSE:
         sure = f" (probability {probability(result.acting.get('outside', 1.0))})"
         return f"Something acts that is not among the known effects{sure}{where}." + unexplained(result)

@@ -137,7 +137,7 @@ def _without_side(header: str) -> str:
 
 def suffix_unit(header: str) -> str | None:
     """The unit of a header that has it as its last word, as in `Compass_deg`; None for one in brackets."""
-    return None if _BRACKET.fullmatch(header.strip()) else split_unit(header)[1]
+    return None if _BRACKET.fullmatch(_without_side(header.strip())) else split_unit(header)[1]
 
 
 def _long(head: str) -> bool:
