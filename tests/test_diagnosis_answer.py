@@ -531,17 +531,12 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     assert "X_vvvv" in said and "N_vvv" not in said
 
 
-@pytest.mark.parametrize(
-    ("form_sd", "fails"), [(0.0, True), (0.0004, True), (0.02, True), (0.06, True), (0.075, False)]
-)
-def test_a_row_that_a_force_the_equations_lack_widens_is_held_to_that_as_well(form_sd, fails):
-    """X_vvvv of a tanker moved by 424 stated deviations, and 42 times its size: up to 3 of those a form of
-    its size gives it are no failure."""
+@pytest.mark.parametrize("form_sd", [0.0, 0.0004, 0.02, 0.06])
+def test_a_row_that_a_force_the_equations_lack_widens_is_said_to_be_and_fails_its_check(form_sd):
+    """X_vvvv of a tanker moved by 424 stated deviations, 4 of those a form of its size gives it."""
     row = Moved(0.00507, 0.000507, 0.22, 0.22, 0.055, 0.055, form_sd=form_sd)
     found = replace(a_result("model_form", (), (), 0.0), moved={"X_vvvv": row})
-    assert any("far from those stated" in text for text in failures(found)) is fails
-    told = any("the force the equations lack counted" in text for text in failures(found))
-    assert told is (fails and form_sd > 0.0)
+    assert any("far from those stated" in text for text in failures(found))
     said = answer(found).moved[0]
     assert ("may be part of the force the equations lack" in said) is (form_sd > row.prior_sd)
 

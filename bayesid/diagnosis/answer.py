@@ -324,10 +324,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         listed = ", ".join(
             f"{unlisted if n == 'outside' else in_words(n)} ({probability(p)})" for n, p in other
         )
-        besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
+        besides = result.verdict == "model_form" or result.rule in (*OUTSIDE_SAID, *UNLISTED_AMONG)
         what = "What may act beside it" if besides else "What else it could be"
-        if result.rule in UNLISTED_AMONG:
-            what = "What may act beside it"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")

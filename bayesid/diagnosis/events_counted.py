@@ -19,7 +19,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     MOTION_EVENT,
     OTHER_DEPENDENCE,
     UNLISTED_AMONG,
-    UNLISTED_OVER_FORM,
+    nobody_needs,
 )
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide, simplest
 
@@ -82,8 +82,8 @@ def verdict_with(
             reasons=(*verdict.reasons, "left out as events, or with an order held: " + "; ".join(listed)),
         )
     motions, best = [e for e in events if e.unexplained], simplest(rest)
-    nobody_needs = verdict.word in ("none", "model_form") or verdict.rule == UNLISTED_OVER_FORM
-    if dependence is not None and dependence.alone == 0.0 and nobody_needs:
+    unneeded = nobody_needs(verdict.word, verdict.rule)
+    if dependence is not None and dependence.alone == 0.0 and unneeded:
         dependence = None  # told beside an effect that nobody needs, and not without it
     sure = verdict.word == "outside" and verdict.rule not in UNLISTED_AMONG  # what follows says more of that
     if sure or (dependence is None and not motions):
@@ -93,7 +93,7 @@ def verdict_with(
     rule = MOTION_EVENT if motions and moved >= placed else OTHER_DEPENDENCE
     moved += placed
     greater = moved > gain or any(not e.brief for e in motions)
-    silent = nobody_needs or (verdict.word == "coefficients" and greater)
+    silent = unneeded or (verdict.word == "coefficients" and greater)
     if silent or verdict.set95 == ("outside",):
         return replace(verdict, word="outside", effects=(), set95=("outside",), rule=rule)
     told = [f"motions that nothing explains say +{moved - placed:.1f}"] if motions else []

@@ -9,12 +9,7 @@ import math
 import shlex
 from collections.abc import Collection, Mapping
 
-from bayesid.diagnosis.hypotheses.rules import (
-    BESIDE_FORM,
-    NAMING,
-    OTHER_DEPENDENCE,
-    UNLISTED_OVER_FORM,
-)
+from bayesid.diagnosis.hypotheses.rules import BESIDE_FORM, NAMING, OTHER_DEPENDENCE, nobody_needs
 from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SURELY_MOVED, RunError
@@ -24,9 +19,7 @@ from bayesid.model.terms import ADDED_MASSES
 from bayesid.places import NOWHERE, Places
 from bayesid.words import and_list, digits, first_few
 
-# Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
-NEEDS_NONE = ("none", "model_form")
-# Uncertainties before the runs, and times its own size, from which a coefficient is not to be believed.
+# Stated uncertainties, and times its own size, from which a coefficient is not to be believed.
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one
@@ -36,8 +29,8 @@ NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
 def needs_none(word: str, rule: str, set95: tuple[str, ...]) -> bool:
     """Whether a verdict stands on no effect, be it that a force with the place or a period explains more."""
-    of_form = rule in (BESIDE_FORM, UNLISTED_OVER_FORM)
-    return word in NEEDS_NONE or of_form or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
+    other = rule == BESIDE_FORM or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
+    return nobody_needs(word, rule) or other
 
 
 def explanation(result: Result) -> tuple[str, ...]:
@@ -159,23 +152,20 @@ def example_of(result: Result) -> str:
 def far_off(result: Result) -> str:
     """Sentences where explanation or re-tuning takes coefficients out of all reason; else empty.
 
-    A verdict of wrong coefficients says so itself, and of what the runs leave open nothing is told. Rows that
-    a force the equations lack is made of are held to the deviation they were fitted with, stated and that of
-    the force: by the stated one alone 30 of 40 verdicts on vehicles of other equations failed, 27 of them
-    right, as were all 10 that passed; so held 1 fails, which is wrong, and 37 of 39 others are right.
+    A verdict of wrong coefficients says so itself, and of what the runs leave open nothing is told.
     """
     used = explanation(result)
     if not used and result.verdict == "coefficients":
         return ""
     shown = bool(used) and not (result.retuning is not None and result.retuning.alone)
     moved = {
-        n: (m.given, m.explained if shown else m.retuned, math.hypot(m.prior_sd, m.form_sd))
+        n: (m.given, m.explained if shown else m.retuned, m.prior_sd)
         for n, m in result.moved.items()
         if not (m.explained_open if shown else m.open)
     }
     what = "The explanation needs" if shown else "Re-tuning needs"
     sized = {
-        n: (m.given, m.beside, math.hypot(m.prior_sd, m.form_sd))
+        n: (m.given, m.beside, m.prior_sd)
         for n, m in result.moved.items()
         if m.beside is not None and not m.beside_open
     }
@@ -187,7 +177,7 @@ def far_off(result: Result) -> str:
         if result.model_form is not None
         else "As an account of this vehicle it is not to be believed."
     )
-    told = out_of_reason(moved, completed, {n for n in moved if result.moved[n].form_sd > 0.0})
+    told = out_of_reason(moved, completed)
     said = [f"{what} coefficients far from those stated ({told}). {why}"] if told else []
     if beside := completed_far(moved, completed):
         said.append(f"{'It also needs' if told else what} {beside}")
@@ -216,29 +206,21 @@ def negative_added_mass(result: Result) -> list[str]:
 
 
 def out_of_reason(
-    moved: Mapping[str, tuple[float, float, float]],
-    completed: Collection[str] = frozenset(),
-    widened: Collection[str] = frozenset(),
+    moved: Mapping[str, tuple[float, float, float]], completed: Collection[str] = frozenset()
 ) -> str:
     """Coefficients far from where they were stated, the furthest first; empty where there are none.
 
     Parameters
     ----------
-    moved : name -> value as given, value found, standard deviation before the runs
+    moved : name -> value as given, value found, stated standard deviation
     completed : those that the file does not state, which are not told here
-    widened : those of which the deviation is not the stated one alone
     """
     told = []
     for name, sds in _far(moved).items():
         given, found, _ = moved[name]
         share = f", {100 * (found - given) / given:+.0f} %" if given else ""
         if name not in completed:
-            of = (
-                "its uncertainty, the force the equations lack counted"
-                if name in widened
-                else "its stated uncertainty"
-            )
-            told.append(f"{name} by {sds:.0f} times {of}{share}")
+            told.append(f"{name} by {sds:.0f} times its stated uncertainty{share}")
     return first_few(told, MOST_FAR)
 
 
@@ -262,7 +244,7 @@ def completed_far(moved: Mapping[str, tuple[float, float, float]], completed: Co
 
 
 def _far(moved: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
-    """Coefficients out of reason and by how many standard deviations, the furthest first."""
+    """Coefficients out of reason and by how many stated standard deviations, the furthest first."""
     far = {}
     for name, (given, found, sd) in moved.items():
         change = abs(found - given)

@@ -30,7 +30,7 @@ from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import agreement
-from bayesid.diagnosis.hypotheses.rules import UNLISTED_OVER_FORM
+from bayesid.diagnosis.hypotheses.rules import nobody_needs
 from bayesid.diagnosis.hypotheses.sensitivity_bank import not_asked
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, after_left_out, simplest
 from bayesid.diagnosis.input.memory_needed import check_memory
@@ -202,8 +202,7 @@ def diagnose(
         posterior,
         mistakes,
     )
-    nobody_needs = verdict.word in ("none", "model_form") or verdict.rule == UNLISTED_OVER_FORM
-    told = None if nobody_needs else compared.dependence
+    told = None if nobody_needs(verdict.word, verdict.rule) else compared.dependence
     result = replace(result, events=events, dependence=told)
     return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials import Trial
@@ -74,11 +73,7 @@ def _of_model(numbers: Mapping[str, Any]) -> list[str]:
     """Checks the fit or the diagnosis failed, and that a diagnosis names no cause."""
     word = numbers["verdict"]
     out = of_source(word, numbers["model_failed_checks"])
-    # another value of a coefficient is no cause
-    causes = [
-        h for h in numbers["hypotheses"] if any(not e.startswith(COEFFICIENT_ERROR) for e in h["effects"])
-    ]
-    unnamed = sum(h["weight"] for h in causes)
+    unnamed = sum(h["weight"] for h in numbers["hypotheses"] if h["effects"])
     if word not in (*NAMING, "fit") and unnamed > MOST_UNNAMED:
         out.append(
             f"The diagnosis this is drawn from names no cause (verdict {word.replace('_', ' ')}): what "

@@ -71,6 +71,11 @@ class Rule:
     silent: Literal["", "none", "model_form"] = ""
 
 
+def nobody_needs(word: str, rule: str) -> bool:
+    """Whether a verdict stands on no effect: what gains is no more than a model form may leave."""
+    return word in ("none", "model_form") or rule == UNLISTED_OVER_FORM
+
+
 def _unlisted_acts(f: Facts) -> bool:
     """Whether a cause that is not listed acts for sure, whatever else does, and something is left that a free
     force explains better than one of the motion and the controls: asked, not assumed."""
