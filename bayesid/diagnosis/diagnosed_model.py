@@ -253,7 +253,7 @@ def diagnosed_model(
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
         evidences.append(evidence)
-    weights = _log_weights(candidates, chosen, evidences, each, problem.stated.names)
+    weights = _log_weights(candidates, chosen, evidences, each, problem.coefficients.names)
     if not np.isfinite(weights.max()):
         raise ModelError(NOT_LINEARISABLE)
     share = np.exp(weights - weights.max())
