@@ -76,6 +76,32 @@ def test_a_fit_stopped_before_its_weights_are_final_leaves_no_result(tmp_path, m
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("weighed_stops_too", [False, True])
+def test_a_search_that_stops_short_under_white_noise_goes_on_with_what_its_readings_weigh(
+    monkeypatch, weighed_stops_too
+):
+    real, calls, whole = module.fit, [], unstopped()
+
+    def short(posed, *args, **named):
+        found = real(posed, *args, **named)
+        calls.append(found)
+        if len(calls) == 1:
+            way = np.where(np.arange(found.z.size) < found.n_params, 0.5, 1.0)
+            return replace(found, status="stalled", z=found.start + way * (found.z - found.start))
+        return replace(found, status="budget") if weighed_stops_too else found
+
+    monkeypatch.setattr(module, "fit", short)
+    _, found, posterior = weighted_fit(problem(), STATED)
+    k = found.n_params
+    off = np.abs(found.z[:k] - whole.z[:k]) / whole.sd[:k]
+    if weighed_stops_too:
+        assert not found.converged and not posterior.parts.efficient and off.max() > 1.0
+    else:
+        assert found.converged and off.max() < 0.2
+        assert found.sd[:k] == pytest.approx(whole.sd[:k], rel=0.1)
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("how", ["raises", "does not converge", "diverges"])
 def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
     real = module._without_form

@@ -165,8 +165,8 @@ def _without_form(
     result, posterior = first, _posterior(problem, first.z, parts, options.seed)
     weight = 1.0
     for number in range(1, ROUNDS + 1):
-        if posterior is None or not (first.converged or parts is not None):
-            break  # a weight that was given needs no estimate to be worked out at
+        if posterior is None:
+            break
         if abs(np.log(posterior.parts.weight / weight)) < SAME_WEIGHT:
             break
         weight = posterior.parts.weight
@@ -186,7 +186,7 @@ def _without_form(
             break
         result, posterior = again, found
     if parts is None and posterior is not None and posterior.parts.efficient:
-        if first.converged:
+        if result.converged:
             result, posterior = _by_scores(problem, result, posterior, options.seed)
         else:  # the estimate stays where the search stopped, and so does its interval
             one_power = replace(posterior.parts, efficient=False)
