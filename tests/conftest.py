@@ -83,6 +83,5 @@ def without_pictures(monkeypatch):
     monkeypatch.setattr(
         import_module("bayesid.report.writer.write"), "png_and_svg", lambda figure: (PIXEL, None)
     )
-    monkeypatch.setattr(
-        import_module("bayesid.report.import_figure"), "draw_runs", lambda proposal, folder: []
-    )
+    for name in ("draw_runs", "draw_imported"):
+        monkeypatch.setattr(import_module("bayesid.report.import_figure"), name, lambda shown, folder: [])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 import bayesid.cli.main
 from bayesid import __version__
+from bayesid.api.result import Result
 from bayesid.cli.main import run
 from bayesid.cli.output import print_json, print_table, rounded
 from bayesid.errors import FitError, TrialError, raise_all
@@ -29,6 +31,35 @@ def failing(monkeypatch):
         return run(["study", *args])
 
     return run_with
+
+
+class Answered(Result):
+    """A result with what failed."""
+
+    success = True
+
+    def __init__(self, failures):
+        self.failures = failures
+
+    def summary(self, verbose=False):
+        return "\n".join(f"CHECK FAILED: {text}" for text in self.failures)
+
+    def record(self):
+        return {"failed_checks": self.failures}
+
+
+@pytest.mark.parametrize("failures", [[], ["It predicts worse."]])
+@pytest.mark.parametrize("printed", [[], ["--json"]])
+@pytest.mark.parametrize(
+    "line",
+    [["fit", "pond"], ["predict", "pond", "turn:20", "--model", "m"], ["export", "m", "--out", "ensemble"]],
+    ids=lambda line: line[0],
+)
+def test_whatever_fails_a_check_ends_with_exit_code_3(line, printed, failures, monkeypatch, capsys):
+    module = importlib.import_module(f"bayesid.api.{line[0]}")
+    monkeypatch.setattr(module, line[0], lambda *_, **__: Answered(failures))
+    assert run([*line, *printed]) == (3 if failures else 0)
+    assert ("It predicts worse." in capsys.readouterr().out) == bool(failures)
 
 
 def test_help_needs_no_numerical_library():

@@ -809,6 +809,26 @@ def test_a_run_without_rudder_and_heading_is_drawn_without_a_warning(tmp_path, r
     assert not [str(w.message) for w in recwarn]
 
 
+@pytest.mark.thorough
+def test_an_import_carried_out_again_has_pictures_of_the_runs_it_made(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, "r [deg/s]": truth["r"] / DEG,
+        "rudder (+ stbd) [deg]": -truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    log, out = _table(tmp_path, truth, columns), tmp_path / "bundle"
+    assert bayesid(["trial", "import", str(log), "--out", str(out)]) == 0
+    proposed = {path.name: path.read_bytes() for path in out.glob("runs*.png")}
+    (out / "runs_9.png").write_bytes(proposed["runs_1.png"])  # of an import of more runs
+    own = out / "map.toml"
+    own.write_text(own.read_text("utf-8").replace('role = "identify"', 'role = "holdout"'), "utf-8")
+    assert bayesid(["trial", "import", str(log), "--map", str(own), "--out", str(out)]) == 0
+    again = {path.name: path.read_bytes() for path in out.glob("runs*.png")}
+    assert set(again) == set(proposed) == {"runs_1.png", "runs_2.png"}
+    assert all(again[name] != drawn for name, drawn in proposed.items())
+
+
 def test_a_course_that_moves_with_the_turns_is_no_rudder_and_a_column_of_no_name_is_offered(tmp_path):
     truth = motion(np.random.default_rng(7))
     early = np.gradient(np.roll(truth["psi"], -3), truth["t"]) / DEG

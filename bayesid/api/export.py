@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -146,6 +146,12 @@ class ExportResult(Result):
     numbers: Mapping[str, Any]
     out: Path
 
+    @property
+    def failures(self) -> Sequence[str]:
+        """Checks that failed, one sentence or two each."""
+        checks: Sequence[str] = self.numbers["failed_checks"]
+        return checks
+
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per vehicle: file, weight, effects."""
         import pandas
@@ -169,7 +175,7 @@ class ExportResult(Result):
             f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each, {ESTIMATE} is "
             "the estimate"
         ]
-        lines += [f"CHECK FAILED: {text}" for text in self.numbers["failed_checks"]]
+        lines += [f"CHECK FAILED: {text}" for text in self.failures]
         return "\n".join(lines)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -225,6 +225,11 @@ class FitResult(Result):
         return self.found.fit.success
 
     @property
+    def failures(self) -> list[str]:
+        """Checks that failed, one sentence or two each."""
+        return failed_checks(self.found)
+
+    @property
     def vehicle(self) -> Vehicle:
         """The identified vehicle."""
         return self.found.identified
@@ -279,7 +284,7 @@ class FitResult(Result):
                 name: {key: float(values[i]) for key, values in columns.items()}
                 for i, name in enumerate(result.names[: result.n_params])
             },
-            "at_bound": result.at_bound, "failed_checks": failed_checks(found),
+            "at_bound": result.at_bound, "failed_checks": self.failures,
             "uncertainty": result.uncertainty,
             "prediction": self.calibration,
             "flat": [{"name": d.name, "held_by": d.decided_by} for d in result.flat],
@@ -297,7 +302,7 @@ class FitResult(Result):
         lines += effect_words(found)
         if words := moved(found):
             lines.append(words)
-        lines += [f"CHECK FAILED: {text}" for text in failed_checks(found)]
+        lines += [f"CHECK FAILED: {text}" for text in self.failures]
         lines += [s.replace("`", "") for s in (*freeing_words(found), *actuator_words(found))]
         lines += [
             "",

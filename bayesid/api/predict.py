@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -272,6 +272,12 @@ class PredictResult(Result):
     predictions: tuple[Prediction, ...]
     numbers: Mapping[str, Any]
 
+    @property
+    def failures(self) -> Sequence[str]:
+        """Checks that failed, one sentence or two each."""
+        checks: Sequence[str] = self.numbers["failed_checks"]
+        return checks
+
     def __getitem__(self, name: str) -> Prediction:
         """The prediction of that run or manoeuvre."""
         for p in self.predictions:
@@ -331,7 +337,7 @@ class PredictResult(Result):
             f"{self.trial.name}: predictions",
             lead,
             sections,
-            [literal(words) for words in self.numbers["failed_checks"]],
+            [literal(words) for words in self.failures],
             first_screen.first_blocks(self.trial, self.predictions, rows),
         )
 
@@ -348,7 +354,7 @@ class PredictResult(Result):
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
         lines += first_screen.surroundings_words(self.numbers)
-        lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
+        lines += [f"CHECK FAILED: {words}" for words in self.failures]
         lines += ["", f"{first_screen.drawn_words(self.numbers)}."]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""

@@ -9,7 +9,7 @@ import typer
 
 from bayesid.cli.choices import Effects
 from bayesid.cli.options import Json, OutFolder, Quiet, Seed, Verbose
-from bayesid.cli.terminal import OK
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 ModelFolder = Annotated[
     Path, typer.Argument(metavar="MODEL", help="Folder of `bayesid fit --out` or `bayesid diagnose --out`.")
@@ -29,7 +29,8 @@ def export(
 ) -> int:
     """Write an ensemble of vehicles with effects, disturbances, weights and seeds.
 
-    --out gets vehicle_estimate.toml, a vehicle file per draw and ensemble.json, all in SI units.
+    --out gets vehicle_estimate.toml, a vehicle file per draw and ensemble.json, all in SI units. Where a
+    check of the model failed, it ends with exit code 3.
     """
     from bayesid.api.export import export as run
     from bayesid.cli.output import print_json, print_text
@@ -41,4 +42,4 @@ def export(
     else:
         print_text(found.summary(verbose))
         print_text(f"ensemble: {out / 'ensemble.json'}")
-    return OK
+    return NOT_CONVERGED if found.failures else OK

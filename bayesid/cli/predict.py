@@ -10,7 +10,7 @@ import typer
 from bayesid.cli.choices import Bundle, Data, Effects, Shaft, Step, Vehicle
 from bayesid.cli.options import Figures, Json, Out, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.quantity import quantity
-from bayesid.cli.terminal import OK
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 What = Annotated[
     list[str] | None,
@@ -73,7 +73,8 @@ def predict(
     """Predict runs and manoeuvres with a fitted or diagnosed model.
 
     --out gets one CSV per prediction (every channel with its 95 % band) and a report. Of a run in the
-    bundle only the orders and the first readings are used.
+    bundle only the orders and the first readings are used. Where a check of the model or of its prediction
+    failed, it ends with exit code 3.
     """
     from bayesid.api.predict import predict as run
     from bayesid.cli.output import answer
@@ -93,4 +94,4 @@ def predict(
         {} if out is None else {"predictions": out / "predictions.json"},
         figures=formats,
     )
-    return OK
+    return NOT_CONVERGED if found.failures else OK

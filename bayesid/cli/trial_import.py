@@ -83,7 +83,8 @@ def imported(
     guided : `start` calls it, which prints the questions and says how to go on
     """
     from bayesid.cli.output import print_text
-    from bayesid.trials.importing import apply_map, write_bundle
+    from bayesid.report.import_figure import draw_imported
+    from bayesid.trials.importing import apply_map, check_bundle, write_bundle
     from bayesid.trials.importing.again import import_again
 
     again, proposed = (out / "trial.toml").exists(), map_file is None
@@ -95,6 +96,8 @@ def imported(
         _say_replaced(import_again(found, runs, origin, out, map_file), out, map_file)
     else:
         write_bundle(found, runs, origin, out, map_file)
+    if not proposed:  # that of the proposal is of the map before it was edited
+        draw_imported(check_bundle(out), out)
     print_text(
         f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
     )
