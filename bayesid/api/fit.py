@@ -44,6 +44,7 @@ from bayesid.report.fit import (
     diverging_words,
     failed_checks,
     fit_report,
+    force_left_out,
     form_words,
     noise_level,
     predictive_words,
@@ -308,7 +309,7 @@ class FitResult(Result):
             "",
             f"{found.trial.name}: {size}, {result.seconds:.1f} s",
             f"{result.verdict}.",
-            f"residuals of the fitted runs: from {before} to {after} times the noise",
+            f"residuals of the fitted runs: from {before} to {after} times the noise{force_left_out(found)}",
         ]
         lines += self._doubts()
         lines += ["", table_text(COLUMNS, self.coefficients())]
@@ -344,7 +345,7 @@ class FitResult(Result):
         else:
             trust = "the standard deviations allow for it as far as the runs show it."
         raised = bool(result.uncertainty.get("noise_raised"))
-        if raised or 2 * result.cost > MISFIT**2 * result.n_readings:
+        if not force_left_out(found) and (raised or 2 * result.cost > MISFIT**2 * result.n_readings):
             advice = "Try --estimate-noise, or `bayesid diagnose`."
             if raised:
                 advice = "The channels are weighed by their residuals; see `bayesid diagnose`."

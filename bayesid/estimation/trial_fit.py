@@ -20,6 +20,7 @@ from bayesid.equations.model import Model, build_model
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.effect_gain import effect_gains
 from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
+from bayesid.estimation.likelihood.filter_estimate import filter_estimate
 from bayesid.estimation.likelihood.predictive_check import kind_of
 from bayesid.estimation.likelihood.smoothed_start import smoothed_start
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
@@ -158,6 +159,7 @@ def fit_trial(
     problem, result, posterior = weighted_fit(
         problem, options, out, resume, watch, parts, kinds, say,
         smoothed=lambda: smoothed_start(posed, trial.identify),
+        filtered=lambda tick: filter_estimate(posed, trial.identify, tick),
     )  # fmt: skip
     found = _identified(model, trial, result)
     if out is not None:

@@ -121,8 +121,14 @@ def _verdict_words(found: TrialFit) -> str:
     return (
         f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} from "
         f"{counted(len(found.trial.identify), 'run')}; residuals of the fitted runs fall from {before} to "
-        f"{after} times the noise. {end}."
+        f"{after} times the noise{force_left_out(found)}. {end}."
     )
+
+
+def force_left_out(found: TrialFit) -> str:
+    """What residuals of a fit with a random force are of; empty for another fit."""
+    by_filter = found.posterior is not None and found.posterior.parts.disturbance
+    return ", simulated without the random force" if by_filter else ""
 
 
 def next_steps(
@@ -142,7 +148,7 @@ def next_steps(
         out.append(f"Keep what is known (`--free`, `--fix`), or run {runs}.")
     if not any(r.role == "holdout" for r in found.runs):
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
-    if noise_of(found.runs) > MISFIT:
+    if noise_of(found.runs) > MISFIT and not force_left_out(found):
         out.append(
             f"Residuals are several times the noise: `bayesid diagnose {places.fitted}` asks for the cause."
         )
@@ -332,11 +338,15 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
         return []
     parts, half = posterior.parts, posterior.halves
     counted = (
-        "Every run is weighed by the covariance of its score"
-        if parts.efficient
-        else f"A reading counts for {100 * parts.weight:.3g} % of what it would with white noise beside the "
-        "prior"
+        f"A reading counts for {100 * parts.weight:.3g} % of what it would with white noise beside the prior"
     )
+    if parts.disturbance:
+        counted = (
+            "A filter has that force in the equations of motion; what it foretells from sample to sample "
+            "errs as sensors do, without memory"
+        )
+    elif parts.efficient:
+        counted = "Every run is weighed by the covariance of its score"
     text = [
         f"Errors of the fit: {parts.describe()}. {counted}, and the standard deviations are "
         f"{np.median(posterior.sd / posterior.white_sd):.2g} times those of white noise (median)."

@@ -15,7 +15,11 @@ import numpy as np
 from bayesid.equations.model import Model, build_model
 from bayesid.estimation.filter_error.linearise import with_forces
 from bayesid.estimation.filter_error.noise_model import force_unit
-from bayesid.estimation.output_error import FitProblem, coefficient_set, trial_problem
+from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
+from bayesid.estimation.likelihood.filter_estimate import filter_estimate
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.output_error import FitOptions, FitProblem, coefficient_set, trial_problem
+from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import zigzag
 from bayesid.model.params import ParameterSet, Prior
@@ -161,7 +165,22 @@ def campaign(
     return Trial("campaign", Path("."), VEHICLE, 3, tuple(runs), noise=dict(s.noise))
 
 
+def cut(s: Setting, trial: Trial, piece: float = 0.0) -> Trial:
+    """A campaign in pieces of that length [L/U] if any."""
+    return in_pieces(trial, piece * s.time) if piece > 0 else trial
+
+
 def problem_of(s: Setting, trial: Trial, piece: float = 0.0) -> FitProblem:
     """Fit of a campaign, in pieces of that length [L/U] if any."""
-    cut = in_pieces(trial, piece * s.time) if piece > 0 else trial
-    return trial_problem(s.model, cut, s.params, threads=1)
+    return trial_problem(s.model, cut(s, trial, piece), s.params, threads=1)
+
+
+def fitted(
+    s: Setting, trial: Trial, options: FitOptions, piece: float = 0.0, parts: NoiseParts | None = None
+) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
+    """A campaign fitted as `bayesid fit` does: the problem, the fit and its posterior."""
+    problem = problem_of(s, trial, piece)
+    runs = cut(s, trial, piece).identify
+    return weighted_fit(
+        problem, options, parts=parts, filtered=lambda tick: filter_estimate(problem, runs, tick)
+    )

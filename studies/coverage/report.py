@@ -71,7 +71,8 @@ def _case(rows: Sequence[Mapping[str, Any]], ranks: int) -> dict[str, Any]:
         "conflict": float(np.mean([r["conflicts"] > 0 for r in good])),
         "white_not_final": float(np.mean([not r["white_final"] for r in good])),
         "weight": float(np.mean([r["weight"] for r in good])),
-        "efficient": float(np.mean([r["efficient"] for r in good])),
+        "efficient": float(np.mean([r["efficient"] and not r["filtered"] for r in good])),
+        "filtered": float(np.mean([r["filtered"] for r in good])),
         "order": float(np.mean([r["order"] for r in good])),
         "final_coverage": coverage(inside[calm]) if calm.sum() > 1 else None,
         "sd_over_prior": float(np.median([r["sd_over_prior"] for r in good])),
@@ -288,7 +289,7 @@ def _said_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
     columns = (
         "condition", "not final [%]", "90 % intervals where final [%]", "runs disagree [%]",
         "prior conflict [%]", "runs differ, allowed for [%]", "not final, white noise [%]",
-        "scores weighed by their covariance [%]", "mean power of the search", "mean order",
+        "by a filter [%]", "scores weighed by their covariance [%]", "mean power of the search", "mean order",
         "median sd over prior sd", "with white noise",
     )  # fmt: skip
     rows = tuple(
@@ -297,7 +298,8 @@ def _said_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
             "–" if c["final_coverage"] is None else _percent(c, "final_coverage"),
             f"{100 * c['runs_disagree']:.1f}",
             f"{100 * c['conflict']:.1f}", f"{100 * c['run_spread']:.1f}",
-            f"{100 * c['white_not_final']:.1f}", f"{100 * c['efficient']:.0f}", f"{c['weight']:.3g}",
+            f"{100 * c['white_not_final']:.1f}", f"{100 * c['filtered']:.0f}",
+            f"{100 * c['efficient']:.0f}", f"{c['weight']:.3g}",
             f"{c['order']:.1f}",
             f"{c['sd_over_prior']:.2f}", f"{c['white_sd_over_prior']:.2f}",
         )
@@ -309,7 +311,9 @@ def _said_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
         "3 sd from its prior; coefficients that differ from run to run may have been allowed for. The power "
         "is that of the readings' likelihood beside the prior in the search; the estimate then weighs every "
         "score by its own covariance, unless left-out runs speak for the power (neither where residuals are "
-        "white). The order is that of the autoregression of the residuals."
+        "white). Where residuals remember and the innovations of a filter with a random force do not, the "
+        "estimate is the filter's, and the power is the information of its readings over that of white "
+        "noise. The order is that of the autoregression of the residuals, or of the innovations."
     )
     return Section("What the fit says", (Text(text), Table(columns, rows)))
 

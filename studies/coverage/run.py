@@ -19,7 +19,6 @@ import numpy as np
 from bayesid.errors import BayesidError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
-from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.simulated_recovery import run_seeds
 from bayesid.estimation.sampling.rank_statistics import rank_of
@@ -39,7 +38,7 @@ from studies.coverage.campaigns import (
     Setting,
     campaign,
     drawn_truth,
-    problem_of,
+    fitted,
     setting,
     with_rows,
 )
@@ -82,10 +81,9 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
     truth = drawn_truth(s, rng)
     try:
         trial = campaign(s, condition, truth, rng, real)
-        problem = problem_of(s, trial, condition.piece)
         options = FitOptions(profile=condition.estimate_noise, seed=seed)
-        fitted, found, posterior = weighted_fit(problem, options)
-        _, _, white = weighted_fit(problem, options, parts=NoiseParts())
+        problem, found, posterior = fitted(s, trial, options, condition.piece)
+        _, _, white = fitted(s, trial, options, condition.piece, NoiseParts())
     except BayesidError as error:
         return {"failed": str(error)}
     if posterior is None or white is None or not found.converged:
@@ -96,7 +94,7 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
     parts = posterior.parts
     told: dict[str, Any] = {}
     if condition.rows or condition.effect:
-        nearest = projected_truth(s, condition, truth, fitted, real)
+        nearest = projected_truth(s, condition, truth, problem, real)
         if nearest is not None:
             far = (posterior.mean[:k] - nearest) / posterior.sd[:k]
             moved = (nearest - truth) / posterior.prior_sd[:k]
@@ -114,7 +112,8 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
         "conflicts": int(np.sum(np.abs(posterior.conflict[:k]) > CONFLICT)),
         "form": found.uncertainty.get("form", {}).get("size", 0.0),
         "white_final": white.final, "white_conflicts": int(np.sum(np.abs(white.conflict) > CONFLICT)),
-        "efficient": parts.efficient, "cpu_seconds": time.process_time() - begin, **told,
+        "efficient": parts.efficient, "filtered": parts.disturbance > 0.0,
+        "cpu_seconds": time.process_time() - begin, **told,
     }  # fmt: skip
 
 

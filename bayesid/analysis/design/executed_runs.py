@@ -103,7 +103,9 @@ def learned_by_fit(
     told = earlier.uncertainty
     if "parts" not in told:
         raise FitError("the fit has no posterior: its vehicle diverges at the estimate; give another fit")
-    parts = NoiseParts(**{k: v for k, v in told["parts"].items() if k != "words"})
+    stored = NoiseParts(**{k: v for k, v in told["parts"].items() if k != "words"})
+    # those of a filter are of its innovations; here residuals of a simulation tell the noise
+    parts = None if stored.disturbance else stored
     fitted = [n for n in earlier.values if n in model.coefficients and n in known.names]
     if not fitted:
         raise FitError("the fit freed none of the coefficients that are open here; give another fit")

@@ -22,6 +22,8 @@ class NoiseParts:
     share : of the information of white noise that the readings carry, 0 to 1
     efficient : the estimate weighs the score of every run by its own covariance instead, the prior as stated;
         the power is that of the search it begins from
+    disturbance : memory [s] of the random force beside which the estimate was made, by a filter; 0: by output
+        error. `order` is then that of its innovations
     """
 
     order: int = 0
@@ -30,17 +32,21 @@ class NoiseParts:
     weight: float = 1.0
     share: float = 1.0
     efficient: bool = False
+    disturbance: float = 0.0
 
     @property
     def white(self) -> bool:
         """Whether nothing but white noise is there."""
-        return self.order == 0 and self.excess == 1.0 and self.run_spread == 0.0
+        plain = self.order == 0 and self.disturbance == 0.0
+        return plain and self.excess == 1.0 and self.run_spread == 0.0
 
     def describe(self) -> str:
         """One line for a screen."""
         if self.white:
             return "white sensor noise"
         said = ["white sensor noise" if self.order == 0 else f"residuals with memory (order {self.order})"]
+        if self.disturbance:
+            said = [f"a random force that lasts {self.disturbance:.2g} s, white sensor noise"]
         if self.excess > 1.0:
             said.append(f"{self.excess**0.5:.2g} times that between runs")
         if self.run_spread > 0.0:

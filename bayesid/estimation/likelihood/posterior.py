@@ -382,8 +382,12 @@ def better(one: Array, other: Array) -> bool:
 def information_share(composite: Composite, parts: NoiseParts) -> float:
     """Information of the data over that of white noise, mean of the logarithm over directions data decide."""
     white = sum((r.information for r in composite.runs), np.zeros_like(composite.prior_precision))
-    data = composite.data(parts)[0]
-    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 0.0))
+    return information_ratio(composite.data(parts)[0], white, composite.prior_precision)
+
+
+def information_ratio(data: Array, white: Array, prior_precision: Array) -> float:
+    """One information (k, k) over another, mean of the logarithm over directions that the other decides."""
+    size = np.sqrt(np.maximum(np.diag(white + prior_precision), 0.0))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(white / np.outer(size, size))
     keep = values > 1e-6 * values.max()

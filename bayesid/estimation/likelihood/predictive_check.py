@@ -54,7 +54,7 @@ def predictive_p(
     """
     infos = tuple(run_information(problem, z))
     resids, valid = [i.resid for i in infos], [i.valid for i in infos]
-    white = posterior.parts.order == 0
+    white = posterior.parts.order == 0 and not posterior.parts.disturbance
     noise = mixed_rate_noise(resids, valid, 0 if white else MOST_ORDER).for_unknowns(z.size)
     channels = list(dict.fromkeys(c for run in problem.runs for c in run.channels))
     scale = problem.scale[: posterior.sd.size]

@@ -1,5 +1,5 @@
 """Fit a problem with the weight its readings deserve: output error, noise of its residuals, output error
-again.
+again; a filter where a random force acts.
 
 Takes a `FitProblem`. Gives the fit and its `CoefficientPosterior`. White residuals leave the fit as it is.
 """
@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from bayesid.errors import FitError, ModelError
+from bayesid.estimation.likelihood.filter_estimate import FilterEstimate
+from bayesid.estimation.likelihood.filtered_fit import fit_by_filter
 from bayesid.estimation.likelihood.model_form import asked_beyond, form_part, with_form
 from bayesid.estimation.likelihood.nonlinear_covariance import nonlinear_covariance
 from bayesid.estimation.likelihood.parts import NoiseParts
@@ -47,6 +49,7 @@ def weighted_fit(
     kinds: Mapping[str, str] | None = None,
     say: Callable[[str], None] | None = None,
     smoothed: Callable[[], np.ndarray | None] = lambda: None,
+    filtered: Callable[[Callable[[], None]], FilterEstimate | None] = lambda tick: None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
@@ -66,24 +69,32 @@ def weighted_fit(
     smoothed : unknowns at an estimate along the smoothed path (`smoothed_start`). In 6 degrees of freedom the
         first search begins there where the cost is lower than at the start values; in the plane a second one
         does where the first did not converge, or ended with a higher cost. The likelier end stands
+    filtered : the estimate of a filter (`filter_estimate`), asked for where residuals of the first search
+        remember and no parts are given. Where there is one, it is the fit
 
     Returns
     -------
     problem with the noise of the residuals, fit, posterior (None where the vehicle diverges at the estimate).
     The fit has the posterior's standard deviations; its cost and weights are those of full weight. Where the
-    runs ask for a model form, its rows are among the parameters.
+    runs ask for a model form, its rows are among the parameters; beside a filter's estimate, whose
+    innovations are white, none is asked for.
     """
     if folder is not None:  # one of an earlier fit would look like this one's
         (Path(folder) / "fit.json").unlink(missing_ok=True)
     options = replace(options, finish=problem.model.dof == 6)
-    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts, say, smoothed)
-    if parts is None and posterior is not None and result.converged:
+    noisy, result, posterior = _without_form(
+        problem, options, folder, resume, watch, parts, say, smoothed, filtered
+    )
+    by_filter = posterior is not None and bool(posterior.parts.disturbance)
+    if by_filter:
+        result = _with_held_said(noisy, result, options.seed)
+    elif parts is None and posterior is not None and result.converged:
         plain = noisy, result, posterior
         noisy, result, posterior = _with_form_if_asked(problem, options, folder, resume, watch, *plain)
     if posterior is not None:
         checked = predictive_p(noisy, result.z, posterior, kinds, options.seed)
         result = replace(result, uncertainty={**result.uncertainty, "predictive_p": checked})
-        if result.converged:
+        if result.converged and not by_filter:
             result = _along_ridges(noisy, result, posterior, options.seed, watch)
     if folder is not None:
         result.save(Path(folder) / "fit.json")
@@ -136,6 +147,18 @@ def _with_form_if_asked(
     return formed, again, wider
 
 
+def _with_held_said(problem: FitProblem, result: Fit, seed: int) -> Fit:
+    """A filter's fit with what its runs ask of coefficients that it holds, by residuals of output error."""
+    try:
+        parts = coefficient_posterior(problem, result.z, None, seed).parts
+        held = asked_beyond(problem, result.z, parts).held
+    except ModelError:
+        return result
+    if held is None:
+        return result
+    return replace(result, uncertainty={**result.uncertainty, "held": asdict(held)})
+
+
 def _formless(result: Fit, size: float, why: str) -> Fit:
     """The fit that stands although its runs ask for a model form, which it has not."""
     told = f"the runs ask for a model form of {size:.0e}, the fit with it failed: {why}"
@@ -155,10 +178,17 @@ def _without_form(
     parts: NoiseParts | None,
     say: Callable[[str], None] | None = None,
     smoothed: Callable[[], np.ndarray | None] = lambda: None,
+    filtered: Callable[[Callable[[], None]], FilterEstimate | None] = lambda tick: None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """`weighted_fit` for the parameters the problem has."""
     arrived = _first(problem, options, folder, resume, watch, say, smoothed)
     first = arrived.fit
+    if parts is None and _remembers(problem, first):
+        tick = (lambda: None) if watch is None else (lambda: watch(0, first.cost, 0.0))
+        estimate = filtered(tick)
+        told = None if estimate is None else fit_by_filter(problem, first, estimate, options)
+        if told is not None:
+            return problem, *told
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
         first = _balanced(problem, options, arrived, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)
@@ -249,6 +279,14 @@ def _first(
         again = replace(again, seconds=first.seconds + again.seconds, starts=(*first.starts, *again.starts))
         return _Arrived(again, other)
     return _Arrived(replace(first, seconds=first.seconds + again.seconds), begin)
+
+
+def _remembers(problem: FitProblem, first: Fit) -> bool:
+    """Whether residuals of a search have memory, or cannot be simulated where it ended."""
+    try:
+        return scores_and_noise(problem.with_sigma(first.sigma), first.z)[1].order > 0
+    except ModelError:
+        return True
 
 
 def _by_scores(

@@ -1,0 +1,144 @@
+"""The filter's estimate of a fit: taken where a random force acts, refused where something else errs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesid.estimation.filter_error.noise_model import force_unit
+from bayesid.estimation.likelihood.filter_estimate import filter_estimate
+from bayesid.estimation.likelihood.posterior import composite_of
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.output_error import FitOptions
+from bayesid.model.params import ParameterSet
+from studies.coverage.campaigns import (
+    FORCE_MEMORY,
+    Condition,
+    campaign,
+    drawn_truth,
+    fitted,
+    problem_of,
+    setting,
+)
+
+STATED = FitOptions(profile=False)
+SEA = 1e-4  # of 1/2 rho L^2 U^2
+
+
+def small():
+    """Ten coefficients of sway, yaw and surge, the others as they are."""
+    s = setting()
+    names = ("X_u|u|", "Y_v", "Y_r", "Y_dr", "N_v", "N_r", "N_dr", "X_vr", "Y_v|v|", "N_r|r|")
+    return replace(s, params=ParameterSet(tuple(p for p in s.params.entries if p.name in names)))
+
+
+@lru_cache
+def case(force=SEA, memory=0.0, seed=3):
+    """Setting, truth, campaign in a sea or with noise that remembers so many samples, its problem."""
+    s, rng = small(), np.random.default_rng([41, seed])
+    truth = drawn_truth(s, rng)
+    trial = campaign(s, Condition(force=force, memory=memory), truth, rng)
+    return s, truth, trial, problem_of(s, trial)
+
+
+@lru_cache
+def estimate(force=SEA, memory=0.0, seed=3):
+    _, _, trial, problem = case(force, memory, seed)
+    return filter_estimate(problem, trial.identify)
+
+
+def test_force_and_coefficients_of_a_sea_are_found():
+    s, truth, _, problem = case()
+    found = estimate()
+    size = np.array(found.noise.force) / force_unit(s.model)
+    assert size == pytest.approx(SEA, rel=0.4)
+    assert found.noise.force_tau == pytest.approx(FORCE_MEMORY * s.time, rel=0.4)
+    posterior = found.posterior(problem, found.unknowns())
+    z = (posterior.mean - truth) / posterior.sd
+    assert np.sqrt(np.mean(z**2)) < 1.6 and np.median(posterior.sd / posterior.prior_sd) < 0.8
+
+
+@pytest.mark.thorough
+def test_its_scores_balance_the_prior_where_it_ended():
+    _, _, _, problem = case()
+    found = estimate()
+    composite = composite_of(problem, found.unknowns(), found.scores)
+    score = composite.prior_score + sum(run.score for run in found.scores)
+    information = composite.prior_precision + sum(run.information for run in found.scores)
+    step = np.linalg.solve(information, score)
+    assert np.abs(step / np.sqrt(np.diag(np.linalg.inv(information)))).max() < 0.05
+    alone = [np.linalg.norm(run.score) for run in found.scores]
+    assert np.linalg.norm(sum(run.score for run in found.scores)) < 0.3 * sum(
+        alone
+    )  # no run is at rest alone
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_noise_of_sensors_that_is_misstated_is_refused(factor):
+    """Innovations are then not of the size they should be."""
+    _, _, trial, problem = case()
+    wrong = problem.with_sigma({c: factor * s for c, s in trial.noise.items()})
+    assert filter_estimate(wrong, trial.identify) is None
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_sensors_that_remembers_is_refused(seed):
+    assert estimate(0.0, 10.0, seed) is None
+
+
+@pytest.mark.thorough
+def test_a_tied_parameter_is_left_to_output_error():
+    s, _, trial, problem = case()
+    entries = list(s.params.entries)
+    tied = replace(entries[1], role="tied", tie=(entries[0].name, 1.0, 0.0), prior=None)
+    assert filter_estimate(problem.with_params(ParameterSet((entries[0], tied))), trial.identify) is None
+
+
+@pytest.mark.thorough
+def test_a_fit_in_a_sea_is_the_filters_and_says_so():
+    s, truth, trial, _ = case()
+    _, found, posterior = fitted(s, trial, STATED)
+    assert found.converged and "filter" in found.message
+    assert posterior.parts.disturbance == pytest.approx(estimate().noise.force_tau)
+    assert "a random force that lasts" in posterior.parts.describe() and not posterior.parts.white
+    assert 0.0 < posterior.parts.share < 0.5  # of what white noise would tell
+    assert found.uncertainty["filter"]["force"] == pytest.approx(estimate().noise.force)
+    assert found.sd[: truth.size] == pytest.approx(posterior.sd)
+    assert np.all(posterior.white_sd < posterior.sd)
+
+
+@pytest.mark.thorough
+def test_readings_that_nothing_moves_are_fitted_as_before():
+    """White noise: the filter is not asked."""
+    _, _, _, problem = case(0.0)
+    asked = []
+    _, plain, _ = weighted_fit(problem, STATED)
+    _, found, posterior = weighted_fit(problem, STATED, filtered=lambda tick: asked.append(1))
+    assert not asked and np.array_equal(found.z, plain.z) and posterior.parts.white
+
+
+@pytest.mark.thorough
+def test_where_the_filter_is_refused_the_fit_is_as_without_it():
+    s, _, trial, problem = case(0.0, 10.0, 0)
+    _, plain, _ = weighted_fit(problem, STATED)
+    _, found, posterior = fitted(s, trial, STATED)
+    assert np.array_equal(found.z, plain.z) and posterior.parts.disturbance == 0.0
+
+
+@pytest.mark.slow
+def test_intervals_in_a_sea_hold_the_truth_and_are_narrower_than_those_of_output_error():
+    z, ratio = [], []
+    for seed in range(16):
+        s, truth, trial, problem = case(3e-4, 0.0, seed)
+        _, _, posterior = fitted(s, trial, STATED)
+        assert posterior.parts.disturbance > 0.0
+        _, _, other = weighted_fit(problem, STATED)
+        z.append((posterior.mean - truth) / posterior.sd)
+        ratio.append(posterior.sd / other.sd)
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
+    assert np.median(ratio) < 0.95
