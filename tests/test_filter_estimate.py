@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from bayesid.estimation.filter_error.noise_model import force_unit
+from bayesid.estimation.likelihood import weighted_fit as weighted_fit_module
 from bayesid.estimation.likelihood.filter_estimate import filter_estimate
+from bayesid.estimation.likelihood.left_out_runs import predicts_worse
 from bayesid.estimation.likelihood.posterior import composite_of
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.model.params import ParameterSet
+from studies.coverage import campaigns
 from studies.coverage.campaigns import (
     FORCE_MEMORY,
     Condition,
@@ -92,6 +95,15 @@ def test_noise_of_sensors_that_remembers_is_refused(seed):
 
 
 @pytest.mark.thorough
+def test_a_force_that_lasts_as_long_as_a_run_is_no_sea(monkeypatch):
+    """Innovations beside it are white, too: a cause is missing."""
+    monkeypatch.setattr(campaigns, "FORCE_MEMORY", 100.0)
+    s, rng = small(), np.random.default_rng(5)
+    trial = campaign(s, Condition(force=SEA), drawn_truth(s, rng), rng)
+    assert filter_estimate(problem_of(s, trial), trial.identify) is None
+
+
+@pytest.mark.thorough
 def test_a_tied_parameter_is_left_to_output_error():
     s, _, trial, problem = case()
     entries = list(s.params.entries)
@@ -142,3 +154,32 @@ def test_intervals_in_a_sea_hold_the_truth_and_are_narrower_than_those_of_output
         ratio.append(posterior.sd / other.sd)
     assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
     assert np.median(ratio) < 0.95
+
+
+def test_left_out_runs_tell_which_of_two_estimates_predicts_worse():
+    same = np.array([3.0, 40.0, 500.0, 6000.0])
+    assert not predicts_worse(same, same)
+    assert predicts_worse(1.5 * same, same) and not predicts_worse(same, 1.5 * same)
+    chance = same * np.array([2.0, 0.6, 1.5, 0.7])
+    assert not predicts_worse(chance, same)
+    assert predicts_worse(np.array([np.inf, 50.0, 600.0, 7000.0]), same)
+    assert not predicts_worse(np.full(4, np.inf), np.full(4, np.inf))
+    assert predicts_worse(1.01 * same[:2], same[:2]) and not predicts_worse(0.99 * same[:2], same[:2])
+
+
+@pytest.mark.thorough
+def test_a_single_run_is_left_to_output_error():
+    """Nothing tells there whether runs to come are predicted."""
+    s, _, trial, _ = case()
+    one = replace(trial, runs=trial.runs[:1])
+    _, found, posterior = fitted(s, one, STATED)
+    assert posterior.parts.disturbance == 0.0 and "filter" not in found.message
+
+
+@pytest.mark.thorough
+def test_a_filter_whose_left_out_runs_are_predicted_worse_is_not_taken(monkeypatch):
+    s, _, trial, problem = case()
+    monkeypatch.setattr(weighted_fit_module, "predicts_worse", lambda one, other: True)
+    _, found, posterior = fitted(s, trial, STATED)
+    _, plain, _ = weighted_fit(problem, STATED)
+    assert posterior.parts.disturbance == 0.0 and np.array_equal(found.z, plain.z)

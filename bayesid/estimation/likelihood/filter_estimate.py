@@ -21,7 +21,7 @@ import numpy as np
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import Linearisation, first_trajectory
-from bayesid.estimation.filter_error.noise_identification import no_process_noise, noise_beside
+from bayesid.estimation.filter_error.noise_identification import LONGEST_TAU, no_process_noise, noise_beside
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, whitened
 from bayesid.estimation.filter_error.read_run import LONGER_STEPS, filter_error_run
 from bayesid.estimation.likelihood.composite import RunScore, run_scores
@@ -41,6 +41,8 @@ ROUNDS, WORTH = 4, 1.0
 UNSTATED_SD = 3.0
 # Mean square of a channel's innovations over their variance, within which the two agree.
 CONSISTENT = (0.6, 1.7)
+# Share of the longest memory of a disturbance from which it is none: a current passes for a force that lasts.
+AS_LONG = 0.95
 # Correlation of innovations at any lag up to which they count as white: of many readings less is told.
 NEARLY_WHITE = 0.1
 
@@ -116,7 +118,8 @@ def filter_estimate(
             if number and gain < WORTH:
                 break
             points, level = list(made.points), FIRST_FORCE
-        if not made.converged:
+        longest = LONGEST_TAU * model.scales["L"] / model.scales["U"]
+        if not made.converged or made.noise_model.force_tau > AS_LONG * longest:
             return None
         infos = [
             _information(problem, made, path, run.name)
