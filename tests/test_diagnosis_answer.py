@@ -292,7 +292,7 @@ def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_
     [
         (Moved(-0.01, 0.001, -0.01, -0.021), ("N_v by 11 times its stated uncertainty, +110 %",)),
         (Moved(-0.01, 0.001, -0.01, -0.019), ()),  # 9 times
-        (Moved(-0.01, 0.03, -0.01, 0.1), ("N_v by 4 times its stated uncertainty, -1100 %",)),
+        (Moved(-0.01, 0.03, -0.01, 0.1), ("N_v by 4 times its stated uncertainty, -0.01 to 0.1",)),
         (Moved(-0.01, 0.04, -0.01, 0.1), ()),  # 2.75 times: its size was hardly stated
     ],
 )
@@ -531,6 +531,30 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     assert "X_vvvv" in said and "N_vvv" not in said
 
 
+def test_a_coefficient_that_goes_or_turns_its_sign_is_told_by_its_values():
+    """N_v was told as "-212 %" of a submarine, N_rdot, which had gone, as "-100 %"."""
+    moved = {
+        "N_v": Moved(-427.0, 40.0, 477.0, 477.0, 2.0),
+        "N_r": Moved(-1000.0, 100.0, -1.0, -1.0, 0.5),
+        "Y_v": Moved(-100.0, 10.0, -20.0, -20.0, 1.0),
+    }
+    found = replace(a_result("model_form", (), (), 0.0), moved=moved)
+    assert [text.split(" (")[0] for text in answer(found).moved] == [
+        "N_r -1000 to -1 ± 0.5", "N_v -427 to 477 ± 2", "Y_v -80 ± 1 %",
+    ]  # fmt: skip
+    assert any("N_v by 23 times its stated uncertainty, -427 to 477" in text for text in failures(found))
+
+
+def test_an_added_mass_that_has_gone_fails_a_check():
+    def said(retuned, name="N_rdot"):
+        moved = {name: Moved(-120.0, 20.0, retuned, -110.0, 0.1, 0.1)}
+        return [text for text in failures(a_result(moved=moved)) if "without added mass" in text]
+
+    (one,) = said(-1e-13)
+    assert one.startswith("Re-tuned, N_rdot ended at zero: no hull is without added mass.")
+    assert not said(-2.0) and not said(-1e-13, "N_vdot")  # one of either sign may be nothing
+
+
 @pytest.mark.parametrize("form_sd", [0.0, 0.0004, 0.02, 0.06])
 def test_a_row_that_a_force_the_equations_lack_widens_is_said_to_be_and_fails_its_check(form_sd):
     """X_vvvv of a tanker moved by 424 stated deviations, 4 of those a form of its size gives it."""
@@ -620,7 +644,7 @@ def test_a_size_found_beside_coefficients_out_of_reason_is_said_to_be_where_thes
     found = replace(a_result(moved={"K_*": row}), effects=(wind,), retuning=Retuning(False, 0.1, 0.2, {}))
     (said,) = (text for text in failures(found) if "far from those stated" in text)
     assert said.startswith("The fit that the size told is from needs coefficients")
-    assert "K_* by 12 times its stated uncertainty, -178 %" in said
+    assert "K_* by 12 times its stated uncertainty, -0.087 to 0.068" in said
     # controls: not surely moved, and beside the explanation that predicts
     for other in (replace(row, beside_sd=0.1), replace(row, beside=None, beside_sd=None)):
         assert not any(

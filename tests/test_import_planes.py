@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -128,6 +130,21 @@ def test_slow_planes_which_the_pitch_follows_tell_their_side_too(tmp_path, vehic
     assert not about_planes(right) and any("lowers the bow" in text for text in right.remarks)
     (asked,) = about_planes(propose([log_of(tmp_path, run, "elevator [deg]", -1.0)], pitches=BOW_DOWN))
     assert "raises the bow" in asked and "scale = -1" in asked
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("planes", [1.0, -1.0])
+@pytest.mark.parametrize("pitch", [1.0, -1.0])
+def test_a_pitch_of_the_other_sign_is_not_put_down_to_the_planes(tmp_path, dive, pitch, planes):
+    """The depth tells which of both is turned."""
+    below = {"theta": pitch * dive.data["theta"], "z": dive.data["z"] + 30.0}
+    turned = replace(dive, data={**dive.data, **below})
+    asked = propose([log_of(tmp_path, turned, "elevator [deg]", planes)], pitches=BOW_DOWN).map.questions
+    about_pitch = [text for text in asked if "line of theta" in text]
+    assert bool(about_pitch) == (pitch < 0)
+    assert [("raises the bow" in text and "delta_s_cmd" in text) for text in asked].count(True) == (
+        planes < 0
+    )
 
 
 def test_a_distance_to_the_surface_is_no_control_surface():

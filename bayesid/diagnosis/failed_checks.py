@@ -23,6 +23,7 @@ from bayesid.words import and_list, digits, first_few
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one
+NO_MASS = 1e-6  # share of an added mass that is none
 # Begins the note of a diagnosis that wrote no model.
 NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
@@ -185,18 +186,26 @@ def far_off(result: Result) -> str:
 
 
 def negative_added_mass(result: Result) -> list[str]:
-    """A sentence for each model shown in which an added mass is clearly negative: potential flow has none."""
+    """A sentence for each model shown in which an added mass is clearly negative, or has gone: potential flow
+    has neither."""
     out = []
     for retuned, what in ((True, "Re-tuned"), (False, "With the explanation")):
         if not retuned and not explanation(result):
             continue
-        told = []
+        told, none = [], []
         for name in ADDED_MASSES:
             if (m := result.moved.get(name)) is None or m.given >= 0.0:
                 continue
             value, sd = (m.retuned, m.retuned_sd) if retuned else (m.explained, m.explained_sd)
             if sd is not None and value - SURELY_MOVED * sd > 0.0:
                 told.append(f"{name} is {digits(value, 3)} instead of {digits(m.given, 3)}")
+            elif abs(value) < NO_MASS * abs(m.given):
+                none.append(name)
+        if none:
+            out.append(
+                f"{what}, {and_list(none)} ended at zero: no hull is without added mass. What is said of "
+                "that model is of no vehicle; orders or readings at other times than stated may be why."
+            )
         if told:
             out.append(
                 f"{what}, {and_list(told)}: a negative added mass, which no hull has. What is said of that "
@@ -219,6 +228,8 @@ def out_of_reason(
     for name, sds in _far(moved).items():
         given, found, _ = moved[name]
         share = f", {100 * (found - given) / given:+.0f} %" if given else ""
+        if found * given < 0.0:
+            share = f", {digits(given, 3)} to {digits(found, 3)}"
         if name not in completed:
             told.append(f"{name} by {sds:.0f} times its stated uncertainty{share}")
     return first_few(told, MOST_FAR)

@@ -17,6 +17,8 @@ from bayesid.words import digits
 MOST_MOVED = 6
 # Change of a coefficient from which its values say more than per cent [%].
 MOST_PERCENT = 300
+# Fall from which they do: it is nothing then, or has the other sign [%].
+MOST_FALL = 99
 
 
 def retuned(result: Result) -> bool:
@@ -65,9 +67,10 @@ def moved_words(result: Result, first: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def _change(value: float, given: float, sd: float | None = None) -> str:
-    """A change in per cent, with its deviation where that is known; the values where it is many per cent."""
+    """A change in per cent, with its deviation where that is known; the values where it is many per cent, or
+    where nothing is left or the sign turns."""
     share = 100 * (value - given) / given
-    if abs(share) > MOST_PERCENT:
+    if share > MOST_PERCENT or share < -MOST_FALL:
         return f"{digits(given, 3)} to {digits(value, 3)}" + (f" ± {digits(sd, 2)}" if sd else "")
     if not sd:
         return f"{round(share):+d} %"

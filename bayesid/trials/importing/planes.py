@@ -27,6 +27,8 @@ from bayesid.words import first_few
 SURE_T = 5.0  # t of the pitch that follows the planes, from which their side is told
 LARGE, PITCHED = 10.0, 5.0  # deg: planes held so far pitch a vehicle under way by more than that
 MOST = 12  # recordings looked at
+SURE_CLIMB = 0.7  # correlation of depth and pitch from which one of both has the other sign
+PARTS = 12  # of a record: over each of them the height gained is compared
 _FIN = re.compile(
     r"\b(fins?|(stern|bow|hydro|dive|diving)? ?planes?|elevators?|flaps?|control surfaces?|rudders?)\b"
 )
@@ -110,6 +112,8 @@ def _side(draft: Draft, role: str, side: float) -> None:
     if not values:  # planes that hardly move
         return
     pooled = sum(values) / math.sqrt(len(values))
+    if _pitch_is_turned(draft):
+        pooled = -pooled  # what the planes do by a pitch of the right sign
     name = draft.column(role)
     if abs(pooled) < SURE_T:
         draft.remark(
@@ -132,6 +136,47 @@ def _side(draft: Draft, role: str, side: float) -> None:
             f"positive {name} {way} the bow, as the pitch tells by {abs(pooled):.0f} standard errors"
             + (", and as the vehicle has it" if side else "")
         )
+
+
+def _pitch_is_turned(draft: Draft) -> bool:
+    """Asks for the sign of a pitch that is bow up where the vehicle dives, or of the depth; whether the pitch
+    is turned, then."""
+    values = [c for c in (_climb(draft.map, r) for r in draft.recordings[:MOST]) if c is not None]
+    if not values or np.mean(values) > -SURE_CLIMB:
+        return False
+    depth = draft.map.channels.get("depth")
+    turned = depth is not None and depth.scale < 0
+    mends = [
+        "write `scale = -1` in the line of theta in the map, if pitch is counted bow down",
+        "take `scale = -1` out of the line of depth" if turned else "write it in that of depth",
+    ]
+    first, second = reversed(mends) if turned else mends
+    draft.ask(
+        0,
+        f"the depth grows where the pitch {draft.column('theta')} has the bow up (correlation "
+        f"{-np.mean(values):.2f}); which has the other sign? {first}; or {second}",
+    )
+    return not turned
+
+
+def _climb(found: LogMap, recording: Recording) -> float | None:
+    """Correlation of the height gained, over a share of the record, with what pitch and speed make of it;
+    None where the vehicle hardly pitches or the depth is not there."""
+    run = common_run(found, recording)
+    if run is None or not {"theta", "z"} <= set(run.data):
+        return None
+    theta, z = run.data["theta"], run.data["z"]
+    speed = run.data.get("u", np.ones_like(theta))
+    seen = np.isfinite(theta) & np.isfinite(z) & np.isfinite(speed)
+    if seen.sum() < 20 or float(np.ptp(np.quantile(theta[seen], (0.02, 0.98)))) < math.radians(PITCHED):
+        return None
+    t, theta, z, speed = run.t[seen], theta[seen], z[seen], speed[seen]
+    climbed = np.concatenate([[0.0], np.cumsum(np.diff(t) * (speed * np.sin(theta))[:-1])])
+    apart = max(5, theta.size // PARTS)
+    gained, foretold = -(z[apart:] - z[:-apart]), climbed[apart:] - climbed[:-apart]
+    if not (np.std(gained) > 0 and np.std(foretold) > 0):
+        return None
+    return float(np.corrcoef(gained, foretold)[0, 1])
 
 
 def _pitch_t(found: LogMap, recording: Recording) -> float | None:
