@@ -60,6 +60,9 @@ def passes(
     brief=lambda: (),
     depends=lambda: None,
     over=lambda: np.inf,
+    first_look=False,
+    source="measured",
+    settled=lambda found: found,
 ):
     """Run the loop with stand-ins; what each pass excluded, and the outcome.
 
@@ -73,7 +76,7 @@ def passes(
         if (error := fails(events, readings)) is not None:
             raise error
         seen.append((events, readings))
-        return Plain(events=events, outliers=(*readings, EARLY))
+        return Plain(events=events, outliers=(*readings, EARLY), environment=Plain(source=source))
 
     rounds = iter(outliers)
     monkeypatch.setattr(exclusions, "build_problem", build)
@@ -85,7 +88,7 @@ def passes(
         "compared",
         lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}", unable),
     )
-    monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: found)
+    monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: settled(found))
     best = Plain(fit=Plain(free=None, followed=None))
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: best)
     monkeypatch.setattr(exclusions, "sought_in", lambda problem, free, points: None)
@@ -99,12 +102,33 @@ def passes(
         "with_events",
         lambda candidates, found, depends: f"{candidates} + {len(found)}" if found else candidates,
     )
-    return seen, exclusions.compare_without(None, None)
+    return seen, exclusions.compare_without(None, None, first_look=first_look)
 
 
 def test_with_nothing_to_exclude_there_is_one_pass(monkeypatch):
     seen, found = passes(monkeypatch)
     assert seen == [((), ())] and found.candidates == "compared 1" and found.unable is None
+
+
+def refuse(*args):
+    raise AssertionError("a first look asks for this")
+
+
+def test_a_first_look_compares_once_and_says_what_it_left_out(monkeypatch):
+    seen, found = passes(
+        monkeypatch, ((LATE,),), (EVENT,), brief=refuse, over=lambda: 7.0, first_look=True, settled=refuse
+    )
+    assert len(seen) == 2  # outliers are left out all the same
+    assert found.problem.events == () and found.over_motion == 7.0
+    assert "first look" in found.unable and "--quick" in found.unable
+
+
+@pytest.mark.parametrize("source", ["measured", "assumed"])
+def test_an_environment_no_straight_run_tells_is_asked_at_a_first_look_too(monkeypatch, source):
+    """Without straight runs it comes out up to ten times too large."""
+    asked = []
+    passes(monkeypatch, first_look=True, source=source, settled=lambda found: asked.append(1) or found)
+    assert len(asked) == (source == "assumed")
 
 
 def test_outliers_are_left_out_together_with_those_found_before_anything_was_fitted(monkeypatch):

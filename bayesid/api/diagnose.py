@@ -89,6 +89,7 @@ def diagnose(
     seed: int = 0,
     trust_input: bool = False,
     threads: int | None = None,
+    first_look: bool = False,
     progress: Progress | None = None,
     journal: str | os.PathLike[str] | None = None,
 ) -> DiagnoseResult | InputResult:
@@ -111,6 +112,8 @@ def diagnose(
     trust_input : take the log, and the noise it states, as they are
     threads : runs taken at a time, at most; a thread per processor where not given, fewer where memory is
         short. The numbers are the same
+    first_look : compare explanations once: no events, no actuator that sticks, no environment beside the best
+        explanation where straight runs told one; for six axes, where each takes minutes
     journal : folder that keeps every refit until `DiagnoseResult.save`: a diagnosis that is stopped goes on
         from there, with the very same numbers
 
@@ -140,7 +143,7 @@ def diagnose(
             )
         run_on = partial(
             run, model=model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-            keep_model=keep_model, trust_noise=trust_input,
+            keep_model=keep_model, trust_noise=trust_input, first_look=first_look,
         )  # fmt: skip
         with fits_kept(kept) as fits, several_threads(threads_of(of, model, threads)):
             found = run_on(of)

@@ -62,7 +62,9 @@ def diagnose(
     model.json for `bayesid predict`. Held-out runs are read only after the verdict stands. A log with a sign,
     unit, axis or clock mistaken gets the verdict `input`, the line of trial.toml that mends it, and exit
     code 4. Where a check failed, or there is not enough to say anything, it ends with exit code 3. A
-    diagnosis that is stopped goes on where it was when the same line is run again.
+    diagnosis that is stopped goes on where it was when the same line is run again. With --quick
+    explanations are compared once (no actuator that sticks, nothing that acts for a short time), nothing is
+    sampled and no manoeuvre planned.
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
     coefficients that the bundles of a vehicle share; --executor is for it. It ends with exit
@@ -90,7 +92,7 @@ def diagnose(
         whole = diagnose_fleet(
             bundle, out, executor=executor_of(executor, workers), progress=Progress(quiet=as_json),
             vehicle=vehicle, prior=prior, effects=effects, exclude=exclude, resample=resample,
-            next_manoeuvre=not quick, draws=not quick, seed=seed, trust_input=trust,
+            next_manoeuvre=not quick, draws=not quick, seed=seed, trust_input=trust, first_look=quick,
         )  # fmt: skip
         answer(whole, out, as_json, verbose)
         return NOT_CONVERGED if whole.failures else OK
@@ -98,7 +100,7 @@ def diagnose(
         bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, resample=resample,
         next_manoeuvre=not quick,
         draws=out is not None and not quick, keep_model=out is not None, seed=seed,
-        trust_input=trust, threads=workers, progress=Progress(quiet=as_json), journal=out,
+        trust_input=trust, threads=workers, first_look=quick, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)
     code = NOT_CONVERGED if found.failures else OK

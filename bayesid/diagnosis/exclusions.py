@@ -43,6 +43,13 @@ from bayesid.words import counted
 Notify = Callable[[str], None]
 
 
+# What a first look leaves out, for the notes of its diagnosis.
+FIRST_LOOK = (
+    "a first look: actuators that stick, what acts for a short time and another environment beside the "
+    "explanation were not looked for; without --quick they are"
+)
+
+
 @dataclass(frozen=True)
 class Excluded:
     """Events, and single readings (run, time [s], channel), that a diagnosis leaves out."""
@@ -68,6 +75,7 @@ def compare_without(
     notify: Notify = lambda text: None,
     as_built: float | None = None,
     seed: int = 0,
+    first_look: bool = False,
 ) -> Compared:
     """Hypotheses of a trial once everything to be excluded is.
 
@@ -75,6 +83,11 @@ def compare_without(
     measured, events last, as an effect may explain what looks like one; brief ones after gross ones. Without
     the events outliers are sought anew. So there are six passes at most, one more where a trial without its
     outliers fails: then they count.
+
+    Parameters
+    ----------
+    first_look : the hypotheses are compared once, without what comes after: no events, no actuator that
+        sticks, no environment beside the best explanation where straight runs told one
 
     Raises
     ------
@@ -95,7 +108,9 @@ def compare_without(
                 notify(f"once more without {counted(len(outliers), 'reading')} that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
                 continue
-            found = in_its_environment(compared(problem, notify, seed, base), notify, seed)
+            found = compared(problem, notify, seed, base)
+            if not first_look or problem.environment.source == "assumed":
+                found = in_its_environment(found, notify, seed)
         except BayesidError as error:
             if whole is None:
                 if not excluded.readings:
@@ -115,6 +130,10 @@ def compare_without(
             return replace(whole, unable=told, over_motion=over)
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
+        if first_look:
+            over, untried = _over_motion(found)
+            told = "; ".join(filter(None, (found.unable, untried, FIRST_LOOK)))
+            return replace(found, unable=told, over_motion=over)
         left = _left(found, trial, excluded.events, notify)
         if left.untried:
             found = replace(found, unable="; ".join(filter(None, (found.unable, left.untried))))

@@ -87,6 +87,7 @@ def diagnose(
     draw: bool = False,
     keep_model: bool = False,
     trust_noise: bool = False,
+    first_look: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap between a model and a trial.
 
@@ -98,6 +99,7 @@ def diagnose(
     draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
     keep_model : also make the diagnosed model that `bayesid predict` draws from
     trust_noise : keep the noise as stated, whatever fast changes of the readings show
+    first_look : as in `compare_without`
 
     A step after the verdict that fails becomes a sentence in `warnings`.
 
@@ -108,7 +110,7 @@ def diagnose(
     """
     check_memory(trial, model)
     weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
-    compared = compare_without(model, weighed, notify, as_built, seed)
+    compared = compare_without(model, weighed, notify, as_built, seed, first_look)
     problem, candidates = compared.problem, compared.candidates
     verdict = verdict_of(compared)
     warnings = [*weighed.warnings, *problem.warnings, *not_asked(problem)]
