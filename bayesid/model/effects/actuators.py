@@ -111,7 +111,7 @@ EFFECTS = (
     ),
     Effect(
         name="stern_plane_offset",
-        says="The stern planes stand {offset:deg} off where they are ordered.",
+        says="The stern planes stand {offset:deg:above:below} their order, as the vehicle counts delta_s.",
         family="stern_plane_offset",
         port="input",
         where=("M", "Z+M"),

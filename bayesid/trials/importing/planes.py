@@ -79,6 +79,11 @@ def ask_planes(draft: Draft, unused: Mapping[str, RawChannel], side: float | Non
         )
     if planes is not None:
         _side(draft, planes, side)
+    bow = next((r for r in ("delta_b_cmd", "delta_b") if draft.has(r)), None)
+    if bow is not None and np.ptp(np.nan_to_num(draft.raw(bow))) > 0.0:
+        draft.remark(
+            f"{bow} {draft.column(bow)} is taken with its sign: nothing here tests that of bow planes"
+        )
 
 
 def _like_a_fin(draft: Draft, channel: RawChannel) -> bool:
