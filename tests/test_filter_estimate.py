@@ -10,12 +10,17 @@ import pytest
 
 from bayesid.estimation.filter_error.noise_model import force_unit
 from bayesid.estimation.likelihood import weighted_fit as weighted_fit_module
+from bayesid.estimation.likelihood.filter_estimate import _memory_left as memory_left
 from bayesid.estimation.likelihood.filter_estimate import filter_estimate
+from bayesid.estimation.likelihood.filtered_fit import fit_by_filter
 from bayesid.estimation.likelihood.left_out_runs import predicts_worse
 from bayesid.estimation.likelihood.posterior import composite_of
+from bayesid.estimation.likelihood.run_information import RunInformation
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
-from bayesid.model.params import ParameterSet
+from bayesid.estimation.output_error.search import fit
+from bayesid.estimation.trial_fit import fit_trial
+from bayesid.model.params import ParameterSet, Prior
 from studies.coverage import campaigns
 from studies.coverage.campaigns import (
     FORCE_MEMORY,
@@ -103,6 +108,59 @@ def test_a_force_that_lasts_as_long_as_a_run_is_no_sea(monkeypatch):
     assert filter_estimate(problem_of(s, trial), trial.identify) is None
 
 
+def sparse(memory, seed=2):
+    """Innovations white in one channel; in another, read at every tenth sample, with so much memory."""
+    rng, n = np.random.default_rng(seed), 6000
+    resid, valid = rng.standard_normal((n, 2)), np.ones((n, 2), dtype=bool)
+    valid[:, 1] = np.arange(n) % 10 == 0
+    read = np.flatnonzero(valid[:, 1])
+    for before, at in zip(read[:-1], read[1:], strict=True):
+        resid[at, 1] = memory * resid[before, 1] + np.sqrt(1.0 - memory**2) * resid[at, 1]
+    resid[~valid] = 0.0
+    return [RunInformation("a", resid, valid, np.zeros((n, 2, 1)), np.zeros((0, 1)), np.zeros(1))]
+
+
+@pytest.mark.parametrize(("memory", "white"), [(0.0, True), (0.5, False), (0.9, False)])
+def test_memory_of_a_channel_that_is_read_seldom_is_seen(memory, white):
+    assert (memory_left(sparse(memory)) is not None) is white
+
+
+@pytest.mark.thorough
+def test_an_upper_bound_holds():
+    s, _, trial, problem = case()
+    i = [p.name for p in s.params].index("N_dr")
+    sd = estimate().posterior(problem, estimate().unknowns()).sd[i]
+    most = estimate().values[i] - 0.5 * sd
+    entries = tuple(
+        replace(p, start=min(p.start, most), high=most) if p.name == "N_dr" else p for p in s.params
+    )
+    found = filter_estimate(problem.with_params(ParameterSet(entries)), trial.identify)
+    assert found.values[i] == pytest.approx(most)
+
+
+@pytest.mark.thorough
+def test_a_prior_that_moves_the_estimate_further_than_a_line_holds_is_left_to_output_error():
+    """A joint prior enters the filter by its marginals."""
+    s, _, _, problem = case()
+    first, found = fit(problem, STATED), estimate()
+    assert fit_by_filter(problem, first, found, STATED) is not None
+    sd = found.posterior(problem, found.unknowns()).sd
+    entries = tuple(
+        replace(p, prior=Prior("normal", v + 20.0 * d, d))
+        for p, v, d in zip(s.params, found.values, sd, strict=True)
+    )
+    assert fit_by_filter(problem.with_params(ParameterSet(entries)), first, found, STATED) is None
+
+
+@pytest.mark.thorough
+def test_weights_from_the_residuals_are_not_those_of_a_filter():
+    """`--estimate-noise` asks for output error weighed by its own residuals."""
+    s, _, trial, _ = case()
+    found = fit_trial(trial, s.model.vehicle, params=s.params, options=FitOptions(profile=True), threads=1)
+    assert found.posterior.parts.disturbance == 0.0
+    assert fit_trial(trial, s.model.vehicle, params=s.params, threads=1).posterior.parts.disturbance > 0.0
+
+
 @pytest.mark.thorough
 def test_a_tied_parameter_is_left_to_output_error():
     s, _, trial, problem = case()
@@ -130,7 +188,7 @@ def test_readings_that_nothing_moves_are_fitted_as_before():
     _, _, _, problem = case(0.0)
     asked = []
     _, plain, _ = weighted_fit(problem, STATED)
-    _, found, posterior = weighted_fit(problem, STATED, filtered=lambda tick: asked.append(1))
+    _, found, posterior = weighted_fit(problem, STATED, filtered=lambda even, tick: asked.append(1))
     assert not asked and np.array_equal(found.z, plain.z) and posterior.parts.white
 
 

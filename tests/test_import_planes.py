@@ -147,5 +147,16 @@ def test_a_pitch_of_the_other_sign_is_not_put_down_to_the_planes(tmp_path, dive,
     )
 
 
+@pytest.mark.thorough
+def test_a_depth_that_was_turned_as_it_is_negative_is_turned_back_where_the_pitch_says_so(tmp_path, dive):
+    """A depth from the start of the run, of a vehicle that climbs."""
+    above = replace(dive, data={**dive.data, "z": dive.data["z"] - 30.0})
+    asked = propose([log_of(tmp_path, above, "elevator [deg]")], pitches=BOW_DOWN).map.questions
+    (about,) = [text for text in asked if "line of theta" in text]
+    depth, pitch = (f"`scale = {n}` in the line of {role}" for n, role in ((1, "depth"), (-1, "theta")))
+    assert about.index(depth) < about.index(pitch)
+    assert not any("raises the bow" in text for text in asked)
+
+
 def test_a_distance_to_the_surface_is_no_control_surface():
     assert _FIN.search("distance to surface") is None and _FIN.search("control surface") is not None

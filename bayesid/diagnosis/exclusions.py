@@ -45,9 +45,11 @@ Notify = Callable[[str], None]
 
 # What a first look leaves out, for the notes of its diagnosis.
 FIRST_LOOK = (
-    "a first look: actuators that stick, what acts for a short time and another environment beside the "
-    "explanation were not looked for; without --quick they are"
+    "a first look: actuators that stick, what acts for a short time and forces with the place or a period "
+    "were not looked for"
 )
+SAME_SEA = ", nor another environment beside the explanation"
+WITHOUT_QUICK = "; without --quick they are"
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,9 @@ def compare_without(
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
         if first_look:
             over, untried = _over_motion(found)
-            told = "; ".join(filter(None, (found.unable, untried, FIRST_LOOK)))
+            sea = "" if problem.environment.source == "assumed" else SAME_SEA
+            look = FIRST_LOOK + sea + WITHOUT_QUICK
+            told = "; ".join(filter(None, (found.unable, untried, look)))
             return replace(found, unable=told, over_motion=over)
         left = _left(found, trial, excluded.events, notify)
         if left.untried:

@@ -151,6 +151,7 @@ def fit_trial(
     params = with_effects(model, params, effects)
     problem = begun_in_time(trial_problem(model, trial, params, channels=channels, threads=threads))
     options = options or FitOptions()
+    weighed_by_residuals = options.profile is True  # as asked for; those of a filter are of its sensors
     if options.profile is None:
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
         options = replace(options, profile=not stated)
@@ -159,7 +160,9 @@ def fit_trial(
     problem, result, posterior = weighted_fit(
         problem, options, out, resume, watch, parts, kinds, say,
         smoothed=lambda: smoothed_start(posed, trial.identify),
-        filtered=lambda tick: filter_estimate(posed, trial.identify, tick),
+        filtered=lambda even, tick: (
+            None if weighed_by_residuals else filter_estimate(even, trial.identify, tick)
+        ),
     )  # fmt: skip
     found = _identified(model, trial, result)
     if out is not None:

@@ -182,5 +182,5 @@ def fitted(
     problem = problem_of(s, trial, piece)
     runs = cut(s, trial, piece).identify
     return weighted_fit(
-        problem, options, parts=parts, filtered=lambda tick: filter_estimate(problem, runs, tick)
+        problem, options, parts=parts, filtered=lambda even, tick: filter_estimate(even, runs, tick)
     )

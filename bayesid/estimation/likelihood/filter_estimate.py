@@ -98,7 +98,8 @@ def filter_estimate(
         return None
     known = np.isfinite(params.prior_sd)
     sd = np.where(known, params.prior_sd, UNSTATED_SD * params.vector("scale"))
-    free = GaussianPrior(params.names, model.positions(params.names), params.start, sd, params.vector("low"))
+    low, high = params.vector("low"), params.vector("high")
+    free = GaussianPrior(params.names, model.positions(params.names), params.start, sd, low, high)
     base = params.place(problem.base, model.index, params.start)
     logs = []
     for run, data in zip(runs, problem.runs, strict=True):
@@ -163,11 +164,14 @@ def _memory_left(infos: Sequence[RunInformation]) -> MixedRateNoise | None:
     if not (np.isfinite(size).all() and CONSISTENT[0] < size.min() and size.max() < CONSISTENT[1]):
         return None
     noise = mixed_rate_noise(resids, valid)
-    if noise.order:
-        for lag in range(1, noise.order + 1):
-            product = sum((r[lag:] * r[:-lag]).sum(axis=0) for r in resids)
-            pairs = sum((v[lag:] & v[:-lag]).sum(axis=0) for v in valid)
-            told = read & (pairs > 0)
-            if np.any(np.abs(product[told] / pairs[told]) > NEARLY_WHITE * square[told] / count[told]):
+    for group in noise.groups:
+        rows = [group.rows(v) for v in valid]
+        series = [r[at][:, group.channels] for r, at in zip(resids, rows, strict=True)]
+        seen = [v[at][:, group.channels] for v, at in zip(valid, rows, strict=True)]
+        own = square[list(group.channels)] / np.maximum(count[list(group.channels)], 1)
+        for lag in range(1, group.noise.order + 1):
+            product = np.sum([(r[lag:] * r[:-lag]).sum(axis=0) for r in series], axis=0)
+            pairs = np.sum([(v[lag:] & v[:-lag]).sum(axis=0) for v in seen], axis=0)
+            if np.any(np.abs(product) > NEARLY_WHITE * own * pairs):
                 return None
     return noise

@@ -27,12 +27,15 @@ from bayesid.estimation.output_error.search import FitOptions
 
 # Share of its width from which a parameter counts as on its bound.
 AT_BOUND = 1e-6
+# Deviations from the end of the filter to the mean of the posterior up to which the line between is trusted.
+MOST_STEP = 1.0
 
 
 def fit_by_filter(
     problem: FitProblem, first: Fit, found: FilterEstimate, options: FitOptions
 ) -> tuple[Fit, CoefficientPosterior] | None:
-    """The fit at a filter's estimate; None where the vehicle diverges there in the runs' own time.
+    """The fit at a filter's estimate; None where the vehicle diverges there in the runs' own time, or where
+    the prior - a joint one, which the filter takes for its marginals - moves it further than a line holds.
 
     Parameters
     ----------
@@ -48,24 +51,24 @@ def fit_by_filter(
     posterior = found.posterior(problem, found.unknowns(), options.seed)
     z = found.unknowns()
     z[:k] = np.clip(posterior.mean, posterior.low, posterior.high)
+    if np.any(np.abs(z[:k] - found.values) > MOST_STEP * posterior.sd):
+        return None
     try:
         z = with_settled_starts(problem, z)
         cost, channel_rms = problem.cost(z), problem.channel_rms(z)
         white = np.sum([info.information for info in run_information(problem, z)], axis=0)
     except ModelError:
         return None
-    told = np.sum([run.information for run in found.scores], axis=0)
-    prior = composite_of(problem, z, found.scores).prior_precision
+    composite = composite_of(problem, z, found.scores)
+    told, prior = composite.data(posterior.parts)[0], composite.prior_precision
     share = float(np.clip(information_ratio(told, white, prior), 0.0, 1.0))
-    parts = replace(
-        posterior.parts, weight=share, share=share, efficient=True, disturbance=found.noise.force_tau
-    )
+    parts = replace(posterior.parts, weight=share, share=share, disturbance=found.noise.force_tau)
     scale, half = problem.scale[:k], 0.5 * (first.high - first.low)[:k]
     seen = root(told).T
     near = np.minimum(z - first.low, first.high - z)[:k] <= AT_BOUND * 2.0 * half
     sigma = {c: float(s) for run in problem.runs for c, s in zip(run.channels, run.sigma, strict=True)}
     white_sd = scale * np.sqrt(np.diag(inverse(white + prior)))
-    posterior = replace(posterior, parts=parts, white_sd=white_sd)
+    posterior = replace(posterior, parts=parts, white_sd=white_sd, estimate=z[:k].copy())
     result = replace(
         first,
         z=z,
@@ -75,7 +78,10 @@ def fit_by_filter(
         cost=cost,
         at_bound=tuple(n for n, on in zip(first.names[:k], near & np.isfinite(half), strict=True) if on),
         status="converged",
-        message=f"converged in {found.passes} passes of a filter, with a random force on the vehicle",
+        message=(
+            f"converged in {found.passes} passes of a filter, with a random force on the vehicle and slow "
+            "errors of positions"
+        ),
         predicted_gain=0.0,
         flat=flat_directions(
             first.names[:k], seen, options.flat_level, problem.params.prior_sd / scale, half / scale

@@ -46,7 +46,10 @@ class NoiseParts:
             return "white sensor noise"
         said = ["white sensor noise" if self.order == 0 else f"residuals with memory (order {self.order})"]
         if self.disturbance:
-            said = [f"a random force that lasts {self.disturbance:.2g} s, white sensor noise"]
+            said = [
+                f"a random force that lasts {self.disturbance:.2g} s, slow errors of positions, white sensor "
+                "noise"
+            ]
         if self.excess > 1.0:
             said.append(f"{self.excess**0.5:.2g} times that between runs")
         if self.run_spread > 0.0:

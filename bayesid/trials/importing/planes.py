@@ -80,7 +80,7 @@ def ask_planes(draft: Draft, unused: Mapping[str, RawChannel], side: float | Non
     if planes is not None:
         _side(draft, planes, side)
     bow = next((r for r in ("delta_b_cmd", "delta_b") if draft.has(r)), None)
-    if bow is not None and np.ptp(np.nan_to_num(draft.raw(bow))) > 0.0:
+    if bow is not None and draft.raw(bow).size and np.ptp(draft.raw(bow)) > 0.0:
         draft.remark(
             f"{bow} {draft.column(bow)} is taken with its sign: nothing here tests that of bow planes"
         )
@@ -149,12 +149,9 @@ def _pitch_is_turned(draft: Draft) -> bool:
     values = [c for c in (_climb(draft.map, r) for r in draft.recordings[:MOST]) if c is not None]
     if not values or np.mean(values) > -SURE_CLIMB:
         return False
-    depth = draft.map.channels.get("depth")
-    turned = depth is not None and depth.scale < 0
-    mends = [
-        "write `scale = -1` in the line of theta in the map, if pitch is counted bow down",
-        "take `scale = -1` out of the line of depth" if turned else "write it in that of depth",
-    ]
+    turned = draft.has("depth") and draft.map.channels["depth"].scale < 0
+    mends = [f"{_turn(draft, 'theta')}, if pitch is counted bow down"]
+    mends += [_turn(draft, "depth" if draft.has("depth") else "z")]
     first, second = reversed(mends) if turned else mends
     draft.ask(
         0,
@@ -162,6 +159,12 @@ def _pitch_is_turned(draft: Draft) -> bool:
         f"{-np.mean(values):.2f}); which has the other sign? {first}; or {second}",
     )
     return not turned
+
+
+def _turn(draft: Draft, role: str) -> str:
+    """How a map turns the sign of a channel."""
+    scale = draft.map.channels[role].scale if draft.has(role) else 1.0
+    return f"write `scale = {-scale:g}` in the line of {role} in the map"
 
 
 def _climb(found: LogMap, recording: Recording) -> float | None:
