@@ -81,7 +81,7 @@ def test_a_seed_gives_the_same_ensemble_and_another_one_another(folder, tmp_path
 def test_checks_that_the_model_failed_go_with_its_ensemble(folder, tmp_path, capsys):
     made = read_diagnosed(folder)
     write_diagnosed(replace(made, failed_checks=("The runs disagree.",)), tmp_path / "failed")
-    assert run(["export", str(tmp_path / "failed"), "--draws", "2", "--out", str(tmp_path / "e")]) == 0
+    assert run(["export", str(tmp_path / "failed"), "--draws", "2", "--out", str(tmp_path / "e")]) == 3
     assert "CHECK FAILED: The runs disagree." in capsys.readouterr().out
     record = json.loads((tmp_path / "e" / "ensemble.json").read_text(encoding="utf-8"))
     assert record["failed_checks"] == ["The runs disagree."]

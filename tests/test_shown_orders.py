@@ -42,7 +42,7 @@ def test_the_pictures_of_imported_runs_draw_thrusters_where_nothing_turns(rudder
     if rudder:
         run = replace(run, measured_inputs={"delta_r": np.sin(run.t)})
     axes = Figure().subplots()
-    import_figure._draw_orders(axes, run, np.ones(run.t.size, bool), 0.0, rudder or "port")
+    import_figure._draw_orders(axes, run, np.ones(run.t.size, bool), rudder or "port")
     there = {line.get_label() for ax in axes.figure.axes for line in ax.lines}
     if rudder:
         assert there == {f"rudder ({rudder} +) [deg]"}
