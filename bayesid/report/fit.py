@@ -458,20 +458,23 @@ def _runs(found: TrialFit) -> Section:
 
 
 def _search(fit: Fit) -> Section:
-    rows = [[_SHARES[key], 100 * share, share * fit.seconds] for key, share in fit.shares.items()]
+    by_filter = fit.uncertainty.get("filter_seconds", 0.0)
+    searched = fit.seconds - by_filter
+    rows = [[_SHARES[key], 100 * share, share * searched] for key, share in fit.shares.items()]
+    told = f" The filter took {by_filter:.3g} s, the search of output error before it:" if by_filter else ""
     text = (
-        f"Stop reason: {fit.message}. Cost {fit.cost_start:.6g} -> {fit.cost:.6g} in {len(fit.costs)} "
-        f"iterations of "
-        f"{fit.rounds} rounds; {fit.n_cost} evaluations of the cost, {fit.n_gradient} of its gradient, seed "
-        f"{fit.seed}. On a bound: {', '.join(f'`{n}`' for n in fit.at_bound) or 'none'}."
+        f"Stop reason: {fit.message}.{told} Cost {fit.cost_start:.6g} -> {fit.cost:.6g} in {len(fit.costs)} "
+        f"iterations of {fit.rounds} rounds; {fit.n_cost} evaluations of the cost, {fit.n_gradient} of its "
+        f"gradient, seed {fit.seed}. On a bound: {', '.join(f'`{n}`' for n in fit.at_bound) or 'none'}."
     )
     blocks: list[Block] = [Text(text), Table(["work", "share [%]", "time [s]"], rows, digits=3)]
     if len(fit.starts) > 1:
         starts = [[i, s["cost_start"], s["cost"], s["reason"]] for i, s in enumerate(fit.starts)]
         blocks.append(Table(["start", "first cost", "last cost", "stop reason"], starts))
+    which = "search that went before the filter" if by_filter else "winning start"
     if fit.costs:
         blocks.append(
-            Figure("search", figures.search(fit.costs, fit.steps), "Cost and step of the winning start.")
+            Figure("search", figures.search(fit.costs, fit.steps), f"Cost and step of the {which}.")
         )
     return Section("Search", blocks)
 

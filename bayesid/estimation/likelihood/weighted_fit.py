@@ -312,7 +312,9 @@ def _filtered_fit(
         rivals = [left_out_misfits(judge, z, own) for z, own in ((result.z, posterior), (first.z, found))]
         if predicts_worse(*rivals):
             return None
-    return even, replace(result, seconds=first.seconds + time.perf_counter() - began), posterior
+    took = time.perf_counter() - began
+    uncertainty = {**result.uncertainty, "filter_seconds": took}
+    return even, replace(result, seconds=first.seconds + took, uncertainty=uncertainty), posterior
 
 
 def _common_noise(problem: FitProblem) -> dict[str, float]:
