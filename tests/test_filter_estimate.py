@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bayesid.estimation.filter_error.noise_model import force_unit
+from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood import weighted_fit as weighted_fit_module
+from bayesid.estimation.likelihood.filter_estimate import FilterEstimate, filter_estimate
 from bayesid.estimation.likelihood.filter_estimate import _memory_left as memory_left
-from bayesid.estimation.likelihood.filter_estimate import filter_estimate
 from bayesid.estimation.likelihood.filtered_fit import fit_by_filter
 from bayesid.estimation.likelihood.left_out_runs import predicts_worse
 from bayesid.estimation.likelihood.posterior import composite_of
@@ -150,6 +151,18 @@ def test_a_prior_that_moves_the_estimate_further_than_a_line_holds_is_left_to_ou
         for p, v, d in zip(s.params, found.values, sd, strict=True)
     )
     assert fit_by_filter(problem.with_params(ParameterSet(entries)), first, found, STATED) is None
+
+
+@pytest.mark.thorough
+def test_scores_that_count_for_less_carry_less_information(monkeypatch):
+    _, _, _, problem = case()
+    first, found = fit(problem, STATED), estimate()
+    result, plain = fit_by_filter(problem, first, found, STATED)
+    assert plain.estimate == pytest.approx(result.z[: result.n_params])  # where the fit ends
+    loud = replace(found.posterior(problem, found.unknowns()), parts=NoiseParts(excess=4.0, efficient=True))
+    monkeypatch.setattr(FilterEstimate, "posterior", lambda *args: loud)
+    _, told = fit_by_filter(problem, first, found, STATED)
+    assert told.parts.share == pytest.approx(plain.parts.share / 4.0 * plain.parts.excess, rel=0.05)
 
 
 @pytest.mark.thorough

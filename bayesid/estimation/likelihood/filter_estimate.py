@@ -14,27 +14,31 @@ tankers it predicted held-out runs worse than output error, and its innovations 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
-from bayesid.estimation.filter_error.linearise import Linearisation, first_trajectory
-from bayesid.estimation.filter_error.noise_identification import LONGEST_TAU, no_process_noise, noise_beside
-from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, whitened
-from bayesid.estimation.filter_error.read_run import LONGER_STEPS, filter_error_run
+from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.filter_error.noise_identification import LONGEST_TAU, noise_beside
+from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.likelihood.composite import RunScore, run_scores
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior, groups, posterior_of_scores
 from bayesid.estimation.likelihood.run_information import RunInformation
+from bayesid.estimation.likelihood.smoothed_start import (
+    DISTURBANCE,
+    USUAL_LEVEL,
+    along_readings,
+    first_states,
+    small_disturbance,
+)
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.trials import Run
 
 Array = np.ndarray
-# Force of the first fit, over 1/2 rho L^2 U^2, and that of its first pass, along the readings' own path.
-FIRST_FORCE, FIRST_LEVEL = 1e-5, 0.03
 # Measurements of the force, and gain in log density from which another one is worth while [nats].
 ROUNDS, WORTH = 4, 1.0
 # Prior sd over the size of a parameter that has none: wide, so that it only keeps the steps in bounds.
@@ -100,15 +104,8 @@ def filter_estimate(
     sd = np.where(known, params.prior_sd, UNSTATED_SD * params.vector("scale"))
     low, high = params.vector("low"), params.vector("high")
     free = GaussianPrior(params.names, model.positions(params.names), params.start, sd, low, high)
-    base = params.place(problem.base, model.index, params.start)
-    logs = []
-    for run, data in zip(runs, problem.runs, strict=True):
-        sigma = dict(zip(data.channels, map(float, data.sigma), strict=True))
-        logs.append(filter_error_run(model, run, sigma, data.channels, LONGER_STEPS))
-    noise = no_process_noise(model)
-    noise = replace(noise, force=tuple(float(f) for f in FIRST_FORCE * force_unit(model)))
-    points = [first_trajectory(model, log, base) for log in logs]
-    level = FIRST_LEVEL
+    (logs, points), noise = along_readings(problem, runs), small_disturbance(model)
+    level = USUAL_LEVEL
     try:
         for number in range(ROUNDS + 1):
             tick()
@@ -118,7 +115,7 @@ def filter_estimate(
             noise, gain = noise_beside(made, noise)
             if number and gain < WORTH:
                 break
-            points, level = list(made.points), FIRST_FORCE
+            points, level = list(made.points), DISTURBANCE
         longest = LONGEST_TAU * model.scales["L"] / model.scales["U"]
         if not made.converged or made.noise_model.force_tau > AS_LONG * longest:
             return None
@@ -132,11 +129,7 @@ def filter_estimate(
     if left is None:
         return None
     scores = run_scores(infos, left, groups([i.name for i in infos]))
-    states = model.kernel.full.states
-    starts = tuple(
-        point.states[0, [states.index(s) for s in data.initial]]
-        for data, point in zip(problem.runs, made.points, strict=True)
-    )
+    starts = tuple(first_states(problem, made.points))
     return FilterEstimate(
         np.array(made.values), starts, scores, left.order, made.noise_model, made.iterations
     )

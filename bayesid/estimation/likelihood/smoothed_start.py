@@ -15,14 +15,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
-from bayesid.estimation.filter_error.linearise import first_trajectory
+from bayesid.estimation.filter_error.linearise import Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
-from bayesid.estimation.filter_error.noise_model import force_unit
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.filter_error.read_run import LONGER_STEPS, filter_error_run
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import RunData
 from bayesid.trials import Run
 
 Array = np.ndarray
@@ -51,14 +53,8 @@ def smoothed_start(problem: FitProblem, runs: Sequence[Run]) -> Array | None:
     scale = UNSTATED_SD * params.vector("scale")
     sd = np.where(np.isfinite(params.prior_sd), params.prior_sd, scale)
     free = GaussianPrior(params.names, model.positions(params.names), params.start, sd, params.vector("low"))
-    base = params.place(problem.base, model.index, params.start)
-    logs = []
-    for run, data in zip(runs, problem.runs, strict=True):
-        sigma = dict(zip(data.channels, (float(s) for s in data.sigma), strict=True))
-        logs.append(filter_error_run(model, run, sigma, data.channels, LONGER_STEPS))
-    calm = no_process_noise(model)
-    noisy = replace(calm, force=tuple(float(f) for f in DISTURBANCE * force_unit(model)))
-    points = [first_trajectory(model, log, base) for log in logs]
+    logs, points = along_readings(problem, runs)
+    calm, noisy = no_process_noise(model), small_disturbance(model)
     found = []
     for noise_model, first_level in ((noisy, USUAL_LEVEL), (calm, DISTURBANCE)):
         try:
@@ -72,13 +68,34 @@ def smoothed_start(problem: FitProblem, runs: Sequence[Run]) -> Array | None:
     return min(found, key=problem.cost, default=None)
 
 
+def along_readings(problem: FitProblem, runs: Sequence[Run]) -> tuple[list[RunData], list[Trajectory]]:
+    """Runs of a problem as a filter reads them, and their own paths with the parameters at their start."""
+    model, params = problem.model, problem.params
+    base = params.place(problem.base, model.index, params.start)
+    logs = []
+    for run, data in zip(runs, problem.runs, strict=True):
+        sigma = dict(zip(data.channels, (float(s) for s in data.sigma), strict=True))
+        logs.append(filter_error_run(model, run, sigma, data.channels, LONGER_STEPS))
+    return logs, [first_trajectory(model, log, base) for log in logs]
+
+
+def small_disturbance(model: Model) -> NoiseModel:
+    """Process noise of `DISTURBANCE` in every axis."""
+    return replace(no_process_noise(model), force=tuple(float(f) for f in DISTURBANCE * force_unit(model)))
+
+
+def first_states(problem: FitProblem, points: Sequence[Trajectory]) -> list[Array]:
+    """Initial states of the problem's runs on paths."""
+    states = problem.model.kernel.full.states
+    return [
+        point.states[0, [states.index(s) for s in data.initial]]
+        for data, point in zip(problem.runs, points, strict=True)
+    ]
+
+
 def _unknowns(problem: FitProblem, made: FilterErrorFit) -> Array:
     """Parameters, within their bounds, and the first states of every run."""
     low, high = (problem.params.vector(end) for end in ("low", "high"))
     margin = INSIDE * np.where(np.isfinite(high - low), high - low, 0.0)
-    states = problem.model.kernel.full.states
-    starts = [
-        point.states[0, [states.index(s) for s in data.initial]]
-        for data, point in zip(problem.runs, made.points, strict=True)
-    ]
+    starts = first_states(problem, made.points)
     return np.concatenate([np.clip(made.values, low + margin, high - margin), *starts])
