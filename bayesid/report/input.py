@@ -28,6 +28,7 @@ TOLD = {
     "vehicle's pitch": "how it pitches for its planes", "vehicle's heave": "how it heaves as it pitches",
     "fixes": "the fixes against the integrated velocities",
     "wind": "how the ship moves in it",
+    "orders": "how it turns after its orders, beside the other runs",
 }  # fmt: skip
 
 

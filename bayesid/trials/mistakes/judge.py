@@ -117,6 +117,7 @@ def check_input(
     from bayesid.trials.mistakes.along_track import along_track
     from bayesid.trials.mistakes.contrary import contrary
     from bayesid.trials.mistakes.frozen import frozen
+    from bayesid.trials.mistakes.late_run import late_run
     from bayesid.trials.mistakes.lost_bottom import lost_bottom
     from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
@@ -131,7 +132,7 @@ def check_input(
         asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base), *contrary(base), *along_track(base)]
-        every += [*lost_bottom(base), *sides(base)]
+        every += [*lost_bottom(base), *sides(base), *late_run(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
@@ -270,7 +271,8 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     together = own + float(probability[1:][near].sum()) if near else 0.0
     correction = w.mistake.correction
     own_runs = correction.names_runs if correction is not None else ()
-    concerned = own_runs or tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
+    stated = () if correction is None else correction.runs
+    concerned = own_runs or stated or tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     whole_trial = not part and (not own_runs or len(own_runs) == len(names))
     if correction is not None and part and not own_runs:
         correction = replace(correction, runs=concerned)

@@ -19,6 +19,7 @@ from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
 from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, weigh_one
 from bayesid.trials.mistakes.table import COMMON, RARE, USUAL, Mistake
+from bayesid.trials.mistakes.travel import travel_time
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.window import window
 from bayesid.words import and_list
@@ -236,7 +237,7 @@ def _late(base: Sequence[Base]) -> list[Weighed | None]:
 
 def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weighed | None:
     touched = [k for k, needs in NEEDS.items() if k in ("track", "yaw") and set(names) & set(needs)]
-    unit = _travel_time(base)
+    unit = travel_time(base)
     logged = [bool(set(names) & set(one.run.data)) and any(k in one.held for k in touched) for one in base]
     if unit is None or not any(logged):
         return None
@@ -445,21 +446,3 @@ def _largest(t: Floats, step: np.ndarray) -> tuple[float, complex] | None:
     if any(abs(b + step[k]) < 0.5 * size[k] for b in beside):
         return None
     return float(t[k + 1]), complex(step[k])
-
-
-def _travel_time(base: Sequence[Base]) -> float | None:
-    """Time to travel a length [s]: of the vehicle, or a fifth of the time of turning; None where unknown."""
-    found = [one.travel for one in base if one.travel is not None]
-    if found:
-        return float(found[0])
-    for one in base:
-        psi = one.run.data.get("psi")
-        rate = one.run.data.get("r")
-        if rate is None and psi is not None:
-            rate = np.gradient(psi, one.run.t)
-        if rate is None:
-            continue
-        rms = float(np.sqrt(np.nanmean(rate**2)))
-        if rms > 0:
-            found.append(0.2 / rms)
-    return float(np.median(found)) if found else None
