@@ -58,6 +58,21 @@ def test_nothing_is_told_of_runs_that_are_right_or_all_late_alike(runs):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_slow_rudder_that_follows_large_orders_later_is_no_late_run(seed):
+    # told as a run with late orders while the rate was not asked: 6 degrees are over in .8 s, 26 in 3.7
+    orders = (
+        "zigzag:3/5,duration=60",
+        "zigzag:3/3,duration=60",
+        "zigzag:13/30,duration=60",
+        "zigzag:5/5,duration=60",
+    )
+    slow = {"actuator_rate_limit.inverse_rate_excess": 8.0}
+    found = simulate("remus100", *orders, dt=STEP, noise=NOISE, change=slow, seed=seed)
+    assert check_input(found.runs, travel=TRAVEL).findings == ()
+
+
+@pytest.mark.thorough
 def test_heading_alone_tells_it_too(runs):
     bare = [replace(run, data={k: run.data[k] for k in ("x", "y", "psi")}) for run in with_late(runs, 1, 1.0)]
     (found,) = check_input(bare, travel=TRAVEL).findings

@@ -10,7 +10,8 @@ Orders and motion are often logged by two clocks and joined run by run. The turn
 (K. Nomoto's model of first order, 1957, with a turn that is not linear, N.H. Norrbin 1963; the force of a
 thruster goes with the square of its revolutions instead), a to c and e shared by all runs, d_i and the delay
 tau_i of each. Integrated against test functions, which spares the derivative of a noisy rate, it is linear in
-all but the delays.
+all but the delays. Angles follow their orders at a rate that is found, too: where it is slow, a large order
+acts later than a small one, in every run.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ REACH, STEP = 4.0, 0.1  # delays that are tried, and their distance, in the time
 WIDTH = 1.0  # half the width of a test function, in the same time; at least three readings
 ONE_FOR = 2.0  # lengths travelled that bring one independent residual: what the equation lacks lasts as long
 LONGEST = 20_000  # steps of a run
+SWINGS = (0.0, 0.5, 1.0, 2.0, 4.0)  # times the largest change of an order takes, in the same time
 FEWEST = 20  # readings of a channel
 LEAST, LEAST_ROWS = 0.3, 1.2  # a difference in lengths travelled, and in rows: less is what equations lack
 FALLS = 0.75  # of what is unexplained: what only bends the equation takes less of it away
@@ -44,7 +46,7 @@ class _Turn:
 
     Attributes
     ----------
-    products : (delays, m, m) of shared columns, inputs and turn, in this order
+    products : (rates, delays, m, m) of shared columns, inputs and turn, in this order
     lengths : travelled
     row : between two readings [s]
     """
@@ -60,7 +62,8 @@ def late_run(base: Sequence[Base]) -> list[Weighed]:
     if travel is None or not travel > 0.0:
         return []
     names = sorted({name for one in base for name in _steering(one.run)})
-    turns = [_turn(one.run, names, travel) for one in base]
+    swing = max((float(np.ptp(_ordered(one.run, k))) for one in base for k in _angles(one.run)), default=0.0)
+    turns = [_turn(one.run, names, travel, swing) for one in base]
     there = [(i, turn) for i, turn in enumerate(turns) if turn is not None]
     if len(there) < 2:
         return []
@@ -104,8 +107,9 @@ class _Alone:
 
 def _alone(every: Floats, turn: _Turn, travel: float) -> _Alone | None:
     """The best times of one run and of the others; None where they lie at the end of what is tried."""
-    left = _unexplained((every - turn.products)[:, None] + turn.products[None])
-    a, b = (int(k) for k in np.unravel_index(np.argmin(left), left.shape))
+    each = _unexplained((every - turn.products)[:, :, None] + turn.products[:, None])
+    rate, a, b = (int(k) for k in np.unravel_index(np.argmin(each), each.shape))
+    left = each[rate]
     if b in (0, left.shape[1] - 1) or not left[a, b] > 0.0:
         return None
     others = STEP * (a + _between(left[:, b], a)) - REACH
@@ -134,8 +138,18 @@ def _steering(run: Run) -> list[str]:
     return sorted(k for k, x in moves.items() if np.ptp(x) > 0.0)
 
 
-def _turn(run: Run, names: Sequence[str], travel: float) -> _Turn | None:
-    """The equation of a run; None where it does not turn by orders, or does not log how."""
+def _angles(run: Run) -> list[str]:
+    """Of these the angles that follow an order."""
+    return [k for k in _steering(run) if k.startswith("delta") and k not in run.measured_inputs]
+
+
+def _turn(run: Run, names: Sequence[str], travel: float, swing: float) -> _Turn | None:
+    """The equation of a run; None where it does not turn by orders, or does not log how.
+
+    Parameters
+    ----------
+    swing : largest change of an order [rad]
+    """
     own = _steering(run)
     row = float(np.median(np.diff(run.t))) if run.n_samples > 1 else math.inf
     half = max(WIDTH * travel, 3.0 * row)
@@ -159,25 +173,45 @@ def _turn(run: Run, names: Sequence[str], travel: float) -> _Turn | None:
     delays = np.arange(-round(REACH / STEP), round(REACH / STEP) + 1) * STEP * travel
     margin = math.ceil(REACH * travel / step)
     at = np.arange(margin, turn.size - margin, max(1, count // 2))
-    forces = {
-        name: weak(_force(run, name, t, speed)) if name in own else np.zeros(turn.size) for name in names
-    }
     fixed = _without(np.array([*shared, turn])[:, at], constant[at])
-    products = np.empty((delays.size, len(fixed) + len(names), len(fixed) + len(names)))
-    for k, delay in enumerate(delays):
-        moved = at - round(float(delay) / step)
-        pushed = _without(np.array([forces[name][moved] for name in names]), constant[at])
-        columns = np.concatenate((fixed[:-1], pushed, fixed[-1:]))
-        products[k] = columns @ columns.T
+    many = len(fixed) + len(names)
+    products = np.empty((len(SWINGS), delays.size, many, many))
+    rates = [swing / (one * travel) if one else math.inf for one in SWINGS]
+    inputs = {name: _followed(_held(run, name, t), rates, step, name in _angles(run)) for name in own}
+    for i in range(len(SWINGS)):
+        forces = dict.fromkeys(names, np.zeros(turn.size))
+        forces |= {name: weak(_force(name, values[i], speed)) for name, values in inputs.items()}
+        for k, delay in enumerate(delays):
+            moved = at - round(float(delay) / step)
+            pushed = _without(np.array([forces[name][moved] for name in names]), constant[at])
+            columns = np.concatenate((fixed[:-1], pushed, fixed[-1:]))
+            products[i, k] = columns @ columns.T
     return _Turn(products, run.duration / travel, row)
 
 
-def _force(run: Run, name: str, t: Floats, speed: Floats) -> Floats:
-    """What an input pushes with, up to a factor: an angle with the speed squared, revolutions with theirs."""
+def _ordered(run: Run, name: str) -> Floats:
     values = run.input(name)
     assert values is not None
-    held = values[np.clip(np.searchsorted(run.t, t, side="right") - 1, 0, run.n_samples - 1)]
-    return np.asarray(held * speed**2 if name.startswith("delta") else held * np.abs(held))
+    return values
+
+
+def _held(run: Run, name: str, t: Floats) -> Floats:
+    last = np.searchsorted(run.t, t, side="right") - 1
+    return np.asarray(_ordered(run, name)[np.clip(last, 0, run.n_samples - 1)])
+
+
+def _followed(order: Floats, rates: Sequence[float], step: float, moves: bool) -> Floats:
+    """(rates, n) an angle that follows its order at some rates [rad/s]; the order itself where none does."""
+    out = np.tile(order, (len(rates), 1))
+    most = np.array(rates) * step
+    for k in range(1, order.size if moves else 0):
+        out[:, k] = out[:, k - 1] + np.clip(order[k] - out[:, k - 1], -most, most)
+    return out
+
+
+def _force(name: str, values: Floats, speed: Floats) -> Floats:
+    """What an input pushes with, up to a factor: an angle with the speed squared, revolutions with theirs."""
+    return np.asarray(values * speed**2 if name.startswith("delta") else values * np.abs(values))
 
 
 def _without(columns: Floats, constant: Floats) -> Floats:
