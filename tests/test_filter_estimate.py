@@ -21,7 +21,7 @@ from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.search import fit
 from bayesid.estimation.trial_fit import fit_trial
-from bayesid.model.params import ParameterSet, Prior
+from bayesid.model.params import JointPrior, ParameterSet, Prior
 from studies.coverage import campaigns
 from studies.coverage.campaigns import (
     FORCE_MEMORY,
@@ -141,7 +141,7 @@ def test_an_upper_bound_holds():
 
 @pytest.mark.thorough
 def test_a_prior_that_moves_the_estimate_further_than_a_line_holds_is_left_to_output_error():
-    """A joint prior enters the filter by its marginals."""
+    """The filter's prior lies about the start, not about a centre elsewhere."""
     s, _, _, problem = case()
     first, found = fit(problem, STATED), estimate()
     assert fit_by_filter(problem, first, found, STATED) is not None
@@ -151,6 +151,28 @@ def test_a_prior_that_moves_the_estimate_further_than_a_line_holds_is_left_to_ou
         for p, v, d in zip(s.params, found.values, sd, strict=True)
     )
     assert fit_by_filter(problem.with_params(ParameterSet(entries)), first, found, STATED) is None
+
+
+@pytest.mark.thorough
+def test_what_an_earlier_campaign_told_of_coefficients_together_counts_in_the_filter():
+    """The filter took a joint prior for its marginals, ended elsewhere, and its fit was refused."""
+    s, truth, _, problem = case()
+    first, earlier = fit(problem, STATED), estimate()
+    _, told = fit_by_filter(problem, first, earlier, STATED)
+    sd = np.sqrt(np.diag(told.covariance))
+    assert (
+        np.linalg.eigvalsh(told.covariance / np.outer(sd, sd)).min() < 0.1
+    )  # some are known as combinations
+    entries = tuple(replace(p, start=float(v), prior=None) for p, v in zip(s.params, told.mean, strict=True))
+    known = ParameterSet(entries, JointPrior(s.params.names, told.mean.copy(), told.covariance))
+    later = campaign(s, Condition(force=SEA), truth, np.random.default_rng([41, 77]))
+    problem = problem_of(replace(s, params=known), later)
+    found = filter_estimate(problem, later.identify)
+    composite = composite_of(problem, found.unknowns(), found.scores)
+    score = composite.prior_score + sum(run.score for run in found.scores)
+    covariance = np.linalg.inv(composite.prior_precision + sum(run.information for run in found.scores))
+    assert np.abs(covariance @ score / np.sqrt(np.diag(covariance))).max() < 0.05
+    assert fit_by_filter(problem, fit(problem, STATED), found, STATED) is not None
 
 
 @pytest.mark.thorough

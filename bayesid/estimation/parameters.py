@@ -173,7 +173,7 @@ def _inside(model: Model, p: Parameter) -> Parameter:
 
 @dataclass(frozen=True, eq=False)
 class GaussianPrior:
-    """Free parameters of a set with independent normal priors, as arrays.
+    """Free parameters of a set with normal priors, as arrays.
 
     Attributes
     ----------
@@ -181,6 +181,8 @@ class GaussianPrior:
     where : (k,) their positions in the model's parameter vector
     mean, sd : (k,) of the prior [SI]
     low, high : (k,) bounds [SI], infinite for none; none above where `high` is not given
+    together : (k, k) precision of what is known of them together beyond that of each alone, in units of their
+        deviations; None where they are independent
     """
 
     names: tuple[str, ...]
@@ -189,6 +191,7 @@ class GaussianPrior:
     sd: Array
     low: Array
     high: Array = None  # type: ignore[assignment]
+    together: Array | None = None
 
     def __post_init__(self) -> None:
         if self.high is None:
@@ -207,10 +210,33 @@ class GaussianPrior:
             np.concatenate([self.sd, other.sd]),
             np.concatenate([self.low, other.low]),
             np.concatenate([self.high, other.high]),
+            self._together(other),
         )
+
+    def _together(self, other: GaussianPrior) -> Array | None:
+        if self.together is None and other.together is None:
+            return None
+        k = len(self.names)
+        out = np.zeros((k + len(other.names), k + len(other.names)))
+        for one, at in ((self.together, slice(0, k)), (other.together, slice(k, None))):
+            if one is not None:
+                out[at, at] = one
+        return out
 
 
 NO_PARAMETERS = GaussianPrior((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def known_together(params: ParameterSet) -> Array | None:
+    """(k, k) `GaussianPrior.together` of the free parameters of a set; None where it has no joint prior."""
+    joint = params.joint
+    if joint is None:
+        return None
+    at = np.array([params.names.index(n) for n in joint.names])
+    rows = joint.whitener * np.sqrt(np.diag(joint.covariance))
+    out = np.zeros((len(params.names), len(params.names)))
+    out[np.ix_(at, at)] = rows.T @ rows - np.eye(at.size)
+    return out
 
 
 def gaussian_prior(model: Model, params: ParameterSet) -> GaussianPrior:

@@ -134,6 +134,8 @@ def _fit(
             else:
                 paths, equations = fresh(model, logs, points, free, now)
             total = sum(equations[1:], equations[0])
+            if free.together is not None:
+                total += NormalEquations(free.together, np.zeros(len(free.names)), 0.0, 0.0, 0)
             post = posterior(total)
         except ModelError:
             if best is None:

@@ -35,7 +35,7 @@ from bayesid.estimation.likelihood.smoothed_start import (
     small_disturbance,
 )
 from bayesid.estimation.output_error.problem import FitProblem
-from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.parameters import GaussianPrior, known_together
 from bayesid.trials import Run
 
 Array = np.ndarray
@@ -103,7 +103,8 @@ def filter_estimate(
     known = np.isfinite(params.prior_sd)
     sd = np.where(known, params.prior_sd, UNSTATED_SD * params.vector("scale"))
     low, high = params.vector("low"), params.vector("high")
-    free = GaussianPrior(params.names, model.positions(params.names), params.start, sd, low, high)
+    where, together = model.positions(params.names), known_together(params)
+    free = GaussianPrior(params.names, where, params.start, sd, low, high, together)
     (logs, points), noise = along_readings(problem, runs), small_disturbance(model)
     level = USUAL_LEVEL
     try:

@@ -35,7 +35,7 @@ def fit_by_filter(
     problem: FitProblem, first: Fit, found: FilterEstimate, options: FitOptions
 ) -> tuple[Fit, CoefficientPosterior] | None:
     """The fit at a filter's estimate; None where the vehicle diverges there in the runs' own time, or where
-    the prior - a joint one, which the filter takes for its marginals - moves it further than a line holds.
+    the prior - one whose centre is not the start, as the filter's is - moves it further than a line holds.
 
     Parameters
     ----------

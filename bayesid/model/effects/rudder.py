@@ -23,7 +23,8 @@ EFFECTS = (
                 0.2,
                 low=-1,
                 high=1,
-                about="share of the rudder's side force and moment that is missing",
+                about="share missing of the side force and moment that go with the rudder's angle; "
+                "what it does amidships stays",
             ),
         ),
         force={"Y": "-loss*rows('Y', 'delta_r')", "N": "-loss*rows('N', 'delta_r')"},
