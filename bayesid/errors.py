@@ -20,6 +20,12 @@ class TrialError(BayesidError):
     """A log or its description cannot be used as it is."""
 
 
+class MistakenLogError(TrialError):
+    """A log does not say what its header says: a sign, a unit, an axis or a clock is another."""
+
+    exit_code = 4
+
+
 class VehicleError(BayesidError):
     """A vehicle file is malformed, misspelt or physically impossible."""
 

@@ -703,3 +703,23 @@ def test_velocities_in_earth_axes_are_turned_where_no_heading_was_read():
         assert told.sum() >= odd.sum() - 1 and not told[~odd].any()
         # a heading between two readings is off by half the noise of either
         assert np.max(np.abs(body.data[name] - run.data[name])[told]) < 5 * 0.006 * 1.5
+
+
+def test_sway_at_rest_until_the_first_order_of_a_simulation_without_noise_is_not_frozen():
+    # a straight run of 70 s before a turn: v was told to repeat its last value
+    t = np.arange(0.0, 200.0, 0.5)
+    r = np.where(t > 70.0, 0.02 * (1.0 - np.exp(-(t - 70.0) / 5.0)), 0.0)
+    psi = np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * 0.5)))
+    u, v = np.full(t.size, 5.0), -20.0 * r
+    over_ground = (u + 1j * v) * np.exp(1j * psi)
+    place = np.concatenate(([0j], np.cumsum(0.25 * (over_ground[1:] + over_ground[:-1]))))
+    noise = np.random.default_rng(0).normal(0.0, 0.5, (2, t.size))
+    data = {"x": place.real + noise[0], "y": place.imag + noise[1], "psi": psi, "r": r, "u": u, "v": v}
+    orders = {"delta_r_cmd": np.where(t > 70.0, -0.3, 0.0), "n_cmd": np.full(t.size, 60.0)}
+    run = Run("turn", "", "identify", t, data, orders)
+    assert [f.name for f in check_input([run]).findings if "frozen" in f.name] == []
+    stopped = np.where(
+        (t > 100.0) & (t < 140.0), v[200], v + np.random.default_rng(1).normal(0, 0.02, t.size)
+    )
+    froze = replace(run, data={**data, "v": stopped})
+    assert "frozen v" in [f.name for f in check_input([froze]).findings]

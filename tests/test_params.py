@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bayesid.errors import FitError
+from bayesid.estimation.parameters import known_together
 from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
 
 INDEX = {"a": 0, "b": 1, "c": 2, "d": 3}
@@ -71,3 +72,24 @@ def test_all_problems_of_a_set_are_reported_at_once():
         )
     text = str(error.value)
     assert "3 problems" in text and "given twice" in text and "outside" in text and "not free" in text
+
+
+def test_what_is_known_exactly_together_is_known_to_a_millionth():
+    """A singular covariance (a, b and their sum) has no direction without a prior."""
+    rows = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 2.0]])
+    names = ("X_uu", "Y_v", "N_v")
+    entries = tuple(Parameter(n, 1.0) for n in names)
+    joint = JointPrior(names, np.ones(3), rows @ rows.T)
+    precision = np.eye(3) + known_together(ParameterSet(entries, joint))
+    sd = np.sqrt(np.diag(joint.covariance))
+    assert np.linalg.eigvalsh(precision).min() > 0.3
+    exact = np.array([1.0, 1.0, -1.0]) * sd  # a + b - c, in units of the deviations
+    assert exact @ precision @ exact > 1e6 * exact @ exact
+
+
+def test_independent_parameters_know_nothing_more_together():
+    names = ("X_uu", "Y_v")
+    joint = JointPrior(names, np.ones(2), np.diag([4.0, 9.0]))
+    entries = tuple(Parameter(n, 1.0) for n in names)
+    assert known_together(ParameterSet(entries, joint)) == pytest.approx(np.zeros((2, 2)), abs=1e-12)
+    assert known_together(ParameterSet(entries)) is None

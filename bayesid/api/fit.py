@@ -21,6 +21,7 @@ from bayesid.api.inputs import (
     vehicle_of,
     with_believed_noise,
 )
+from bayesid.api.mistaken_log import refuse_mistaken_log
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed, write_why_not
 from bayesid.diagnosis.input import missing_orders, not_enough
@@ -98,6 +99,7 @@ def fit(
     resume: bool = True,
     seed: int = 0,
     quick: bool = False,
+    trust_input: bool = False,
     progress: Progress | None = None,
 ) -> FitResult:
     """Identify a vehicle's coefficients from a trial and predict its held-out runs.
@@ -121,6 +123,7 @@ def fit(
         and differences between runs ask for; "white" takes residuals as white noise
     starts : number of starts
     resume : go on from an interrupted fit in `out`
+    trust_input : take the log as it is, whatever its channels say of one another
 
     Returns
     -------
@@ -129,7 +132,7 @@ def fit(
     Raises
     ------
     TrialError, VehicleError, FitError
-        what cannot be read or set up
+        what cannot be read or set up; a log that does not say what its header says (`MistakenLogError`)
     """
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged)
@@ -143,6 +146,8 @@ def fit(
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     if lacking := (*missing_orders(chosen, ship).values(), *not_enough(chosen)):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
+    if not trust_input:
+        refuse_mistaken_log(prepared(logged, runs), ship)
     if not estimate_noise:
         chosen = with_believed_noise(chosen, ship)
     if not resample:

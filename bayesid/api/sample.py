@@ -21,6 +21,7 @@ from bayesid.api.inputs import (
     vehicle_of,
     with_believed_noise,
 )
+from bayesid.api.mistaken_log import refuse_mistaken_log
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.input import missing_orders
 from bayesid.equations.model import build_model
@@ -91,6 +92,7 @@ def sample(
     resume: bool = False,
     seed: int = 0,
     quick: bool = False,
+    trust_input: bool = False,
     progress: Progress | None = None,
 ) -> SampleResult:
     """Fit, then sample the posterior until R-hat, length and effective size pass, or `max_steps` are done.
@@ -110,6 +112,7 @@ def sample(
         kept in memory until it is done
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
     resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
+    trust_input : take the log as it is, whatever its channels say of one another
 
     Returns
     -------
@@ -118,7 +121,7 @@ def sample(
     Raises
     ------
     TrialError, VehicleError, FitError, SampleError
-        what cannot be read or set up
+        what cannot be read or set up; a log that does not say what its header says (`MistakenLogError`)
     """
     composite = memory == "composite" and noise == "sampled" and student is None
     if sampler == "nuts" and (resume or walkers is not None):
@@ -131,6 +134,8 @@ def sample(
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     if lacking := missing_orders(chosen, ship):
         raise TrialError(f"{logged.name}: {'; '.join(lacking.values())}")
+    if not trust_input:
+        refuse_mistaken_log(prepared(logged, runs), ship)
     chosen = with_believed_noise(chosen, ship)
     declared = declared_effects(effects)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof, declared)

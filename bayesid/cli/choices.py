@@ -160,3 +160,7 @@ Exclude = Annotated[
     ),
 ]
 VehicleName = Annotated[str, typer.Argument(help="Built-in name or vehicle file.", show_default=False)]
+TrustInput = Annotated[
+    bool,
+    typer.Option("--trust-input", help="Take the log as it is, whatever its channels say of one another."),
+]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, Vehicle
+from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, TrustInput, Vehicle
 from bayesid.cli.options import (
     ExecutorName,
     Figures,
@@ -20,10 +20,6 @@ from bayesid.cli.options import (
 )
 from bayesid.cli.terminal import NOT_CONVERGED, OK, WRONG_LOG
 
-TrustInput = Annotated[
-    bool,
-    typer.Option("--trust-input", help="Take the log as it is, whatever its channels say of one another."),
-]
 Workers = Annotated[
     int | None,
     typer.Option(

@@ -6,7 +6,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayesid.cli.choices import Bundle, Data, Effects, Fix, Free, Pieces, Resample, Runs, Vehicle, With
+from bayesid.cli.choices import (
+    Bundle,
+    Data,
+    Effects,
+    Fix,
+    Free,
+    Pieces,
+    Resample,
+    Runs,
+    TrustInput,
+    Vehicle,
+    With,
+)
 from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
@@ -41,6 +53,7 @@ def fit(
     residuals: Residuals = "auto",
     starts: Starts = 1,
     fresh: Fresh = False,
+    trust: TrustInput = False,
     seed: Seed = 0,
     quick: Quick = False,
     figures: Figures = None,
@@ -63,6 +76,7 @@ def fit(
         bundle, vehicle, data=data, out=out, free=free, fix=fix, with_effects=with_effects, effects=effects,
         runs=runs, resample=resample, pieces=pieces,
         estimate_noise=estimate, residuals=residuals, starts=starts, resume=not fresh, seed=seed, quick=quick,
+        trust_input=trust,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     files = {} if out is None else {"identified vehicle": out / "vehicle.toml"}

@@ -16,6 +16,7 @@ from bayesid.cli.choices import (
     Prior,
     Resample,
     Runs,
+    TrustInput,
     Vehicle,
     With,
 )
@@ -79,6 +80,7 @@ def sample(
     walkers: Walkers = None,
     steps: Steps = 20_000,
     resume: Resume = False,
+    trust: TrustInput = False,
     seed: Seed = 0,
     quick: Quick = False,
     figures: Figures = None,
@@ -101,6 +103,7 @@ def sample(
         runs=runs, resample=resample, pieces=pieces,
         prior=prior, noise=noise, initial=initial, memory=memory, student=student, sampler=sampler,
         ensembles=ensembles, walkers=walkers, max_steps=steps, resume=resume, seed=seed, quick=quick,
+        trust_input=trust,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)

@@ -23,6 +23,8 @@ from bayesid.words import did_you_mean
 Array = np.ndarray
 # Prior sd over |value| of a coefficient for which the vehicle file states none, where a prior is needed.
 DEFAULT_RELATIVE_SD = 0.1
+# Least variance of a combination of parameters over theirs: what is known exactly is known to a millionth.
+EXACTLY = 1e-12
 SEE_COEFFICIENTS = "; see `bayesid vehicle show` for its coefficients"
 START_SD = 0.2  # prior standard deviations from its end at which a one-sided effect starts
 WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
@@ -233,9 +235,11 @@ def known_together(params: ParameterSet) -> Array | None:
     if joint is None:
         return None
     at = np.array([params.names.index(n) for n in joint.names])
-    rows = joint.whitener * np.sqrt(np.diag(joint.covariance))
+    sd = np.sqrt(np.diag(joint.covariance))
+    values, vectors = np.linalg.eigh(joint.covariance / np.outer(sd, sd))
+    precision = (vectors / np.maximum(values, EXACTLY)) @ vectors.T
     out = np.zeros((len(params.names), len(params.names)))
-    out[np.ix_(at, at)] = rows.T @ rows - np.eye(at.size)
+    out[np.ix_(at, at)] = precision - np.eye(at.size)
     return out
 
 

@@ -53,7 +53,11 @@ def exit_codes() -> str:
             "not converged, not determined by data and prior, a failed check of a diagnosis, a vehicle that "
             "`vehicle check` finds unphysical, or a question",
         ],
-        ["4", "the log does not say what its header says: `trial check`, verdict `input` of `diagnose`"],
+        [
+            "4",
+            "the log does not say what its header says: `trial check`, `fit`, `sample`, verdict `input` of "
+            "`diagnose`",
+        ],
         ["130, 143", "stopped; what was done is kept, and the same command goes on from there"],
     ]
     return table(("code", "meaning"), rows)

@@ -25,7 +25,7 @@ from bayesid.estimation.filter_error.fit_journal import current_journal
 from bayesid.estimation.filter_error.fit_result import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory, released
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
-from bayesid.estimation.filter_error.normal_equations import stacked_equations
+from bayesid.estimation.filter_error.normal_equations import of_all_runs, stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
@@ -133,9 +133,7 @@ def _fit(
                 paths, equations = linear(model, logs, points, free, now)
             else:
                 paths, equations = fresh(model, logs, points, free, now)
-            total = sum(equations[1:], equations[0])
-            if free.together is not None:
-                total += NormalEquations(free.together, np.zeros(len(free.names)), 0.0, 0.0, 0)
+            total = of_all_runs(equations, free)
             post = posterior(total)
         except ModelError:
             if best is None:

@@ -23,6 +23,7 @@ from bayesid.estimation.filter_error.fit import (
 from bayesid.estimation.filter_error.linearise import Linearisation, linearise_runs
 from bayesid.estimation.filter_error.minimise_scaled import minimise_scaled, spread_left
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, pairs
+from bayesid.estimation.filter_error.normal_equations import of_all_runs
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
 
@@ -207,7 +208,7 @@ class _Unknowns:
         def cost(theta: Array) -> float:
             try:
                 all_runs = equations(self.model, paths, free, self.noise_model(theta))
-                total = sum(all_runs[1:], all_runs[0])
+                total = of_all_runs(all_runs, free)
                 if not (
                     np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)
                 ):

@@ -39,6 +39,15 @@ def stacked_equations(
     return each_run(model, paths, free, noise_model)
 
 
+def of_all_runs(equations: Sequence[NormalEquations], free: GaussianPrior) -> NormalEquations:
+    """Products of all runs, with what is known of the parameters together beyond what each is."""
+    total = sum(equations[1:], equations[0])
+    if free.together is None:
+        return total
+    more = np.linalg.slogdet(np.eye(len(free.names)) + free.together)[1]
+    return total + NormalEquations(free.together, np.zeros(len(free.names)), 0.0, -float(more), 0)
+
+
 def each_run(
     model: Model,
     paths: Sequence[Linearisation],

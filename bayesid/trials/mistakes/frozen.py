@@ -122,7 +122,8 @@ def _frozen(run: Run, name: str) -> list[tuple[int, int]]:
     out = []
     for a, b in pairs:
         saturated = x[a] in (x.min(), x.max()) and sum(x[a] == x[p] for p, _ in pairs) > 1
-        leaps = noisy or b + 1 >= x.size or abs(x[b + 1] - x[b]) > JUMP * usual
+        # one without noise that rests from the first reading on is steady until the first order
+        leaps = noisy or (a > 0 and (b + 1 >= x.size or abs(x[b + 1] - x[b]) > JUMP * usual))
         lasts = run.t[good[b]] - run.t[good[a]] >= SHORTEST
         if lasts and not saturated and leaps and _others_move(run, name, int(good[a]), int(good[b])):
             out.append((int(good[a]), int(good[b])))

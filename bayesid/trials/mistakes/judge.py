@@ -270,9 +270,8 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     also = tuple(ready[k][0].mistake.name for k in near)
     together = own + float(probability[1:][near].sum()) if near else 0.0
     correction = w.mistake.correction
-    own_runs = correction.names_runs if correction is not None else ()
-    stated = () if correction is None else correction.runs
-    concerned = own_runs or stated or tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
+    own_runs = () if correction is None else correction.names_runs or correction.runs
+    concerned = own_runs or tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     whole_trial = not part and (not own_runs or len(own_runs) == len(names))
     if correction is not None and part and not own_runs:
         correction = replace(correction, runs=concerned)

@@ -1,0 +1,40 @@
+"""A log that does not say what its header says is not fitted: an error that tells the mistake and its mend.
+
+Takes a trial and its vehicle. What the channels alone tell counts here, not what the vehicle does: its
+coefficients are what a fit looks for.
+"""
+
+from __future__ import annotations
+
+from bayesid.equations.model import build_model
+from bayesid.errors import MistakenLogError
+from bayesid.model.vehicles import Vehicle
+from bayesid.report.input import finding_sentence, joint_mend
+from bayesid.trials import Trial
+from bayesid.trials.handedness import handedness
+from bayesid.trials.mistakes import check_input
+
+
+def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
+    """Refuse a trial whose fitted runs contradict their header.
+
+    Parameters
+    ----------
+    trial : as logged, with the roles of its runs
+
+    Raises
+    ------
+    MistakenLogError
+        a mistake of signs, units, axes or clocks, each with the line of trial.toml that mends it
+    """
+    scales = build_model(ship, 3 if ship.planar_only else trial.dof).scales
+    found = check_input(trial.identify, scales["L"] / scales["U"], None, ship.rates, handedness(trial.folder))
+    if not found.findings:
+        return
+    told = [finding_sentence(finding) for finding in found.findings]
+    every = joint_mend(found)
+    raise MistakenLogError(
+        f"{trial.name}: the log does not say what its header says: {'. '.join(told)}"
+        + (f". {every[0].upper()}{every[1:]}" if every else "")
+        + ". Nothing is fitted; --trust-input (`trust_input`) takes the log as it is"
+    )
