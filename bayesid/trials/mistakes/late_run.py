@@ -25,15 +25,13 @@ from bayesid.trials.mistakes.turn_equation import (
     REACH,
     STEP,
     TurnEquation,
-    largest_change,
+    answering,
     solved,
-    steering_angles,
-    turn_equation,
+    turn_equations,
     unexplained,
 )
 from bayesid.trials.trial import Floats, Run
 
-ANSWERS = (-1.0, 3.0)  # lengths travelled from the orders until the vehicle turns, in all runs but one
 ONE_FOR = 2.0  # lengths travelled that bring one independent residual: what the equation lacks lasts as long
 LEAST, LEAST_ROWS = 0.3, 1.2  # a difference in lengths travelled, and in rows: less is what equations lack
 FALLS = 0.75  # of what is unexplained: what only bends the equation takes less of it away
@@ -48,17 +46,13 @@ def late_run(base: Sequence[Base]) -> list[Weighed]:
     travel = travel_time(base)
     if travel is None or not travel > 0.0:
         return []
-    names = sorted({name for one in base for name in steering_angles(one.run)})
-    swing = largest_change([one.run for one in base])
-    made = {i: turn_equation(one.run, names, travel, swing) for i, one in enumerate(base)}
-    turns = {i: one for i, one in made.items() if one is not None}
+    turns = turn_equations([one.run for one in base], travel)
     if len(turns) < 2:
         return []
     every: Floats = np.sum([turn.products for turn in turns.values()], axis=0)
     independent = sum(turn.lengths for turn in turns.values()) / ONE_FOR
-    same = min(
-        float(unexplained(every).min()), *(_turned(every, turn, len(names)) for turn in turns.values())
-    )
+    turned = (unexplained(every - one.products + one.turned).min() for one in turns.values())
+    same = min(float(unexplained(every).min()), *map(float, turned))
     found = {i: _alone(every, turn, independent) for i, turn in turns.items()}
     # no vehicle answers before its orders: those of all other runs would be late
     score = {
@@ -107,9 +101,8 @@ class _Alone:
 def _alone(every: Floats, turn: TurnEquation, independent: float) -> _Alone:
     """The best times of one run and of the others."""
     rest = every - turn.products
-    # a vehicle answers after its orders, and before long
-    first, last = (round((REACH + one) / STEP) for one in ANSWERS)
-    each = unexplained(rest[:, first : last + 1, None] + turn.products[:, None])
+    first, end = answering()
+    each = unexplained(rest[:, first:end, None] + turn.products[:, None])
     way, a, b = (int(k) for k in np.unravel_index(np.argmin(each), each.shape))
     curve, count = np.maximum(each[way, a], LITTLE * every[way, 0, -1, -1]), each.shape[2]
     low = (k for k in range(1, count - 1) if curve[k] <= min(curve[k - 1], curve[k + 1]))
@@ -174,13 +167,6 @@ def _mistake(run: Run, late: float, runs: int) -> Mistake:
         says += ", or the vehicle answers so much later there"
     correction = Correction(late=dict.fromkeys(columns, seconds), runs=(run.name,))
     return Mistake(f"orders of {run.name} against its motion", says, correction, USUAL - math.log(runs))
-
-
-def _turned(every: Floats, turn: TurnEquation, angles: int) -> float:
-    """What is left where the orders of a run have the other sign, and no run another time."""
-    sign = np.ones(every.shape[-1])
-    sign[-1 - angles : -1] = -1.0
-    return float(unexplained(every - turn.products + turn.products * sign[:, None] * sign).min())
 
 
 def _between(left: Floats, k: int) -> float:

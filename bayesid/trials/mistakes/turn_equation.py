@@ -20,6 +20,7 @@ import numpy as np
 from bayesid.trials.trial import Floats, Run
 
 REACH, STEP = 6.0, 0.1  # delays that are tried, and their distance, in the time to travel a length
+ANSWERS = (-1.0, 3.0)  # delays of a vehicle whose orders are logged when they act
 WIDTH = 1.0  # half the width of a test function, in the same time; at least three readings
 LONGEST = 20_000  # steps of a run; the rest is not read
 SWINGS = (0.5, 1.0, 2.0, 4.0)  # times the largest change of an order may take, in the same time
@@ -38,11 +39,20 @@ class TurnEquation:
         how angles follow their orders
     lengths : travelled
     row : between two readings [s]
+    angles : number of columns of angles
     """
 
     products: Floats
     lengths: float
     row: float
+    angles: int
+
+    @property
+    def turned(self) -> Floats:
+        """The same with angles of the other sign."""
+        sign = np.ones(self.products.shape[-1])
+        sign[-1 - self.angles : -1] = -1.0
+        return self.products * sign[:, None] * sign
 
 
 def steering_angles(run: Run) -> list[str]:
@@ -52,7 +62,15 @@ def steering_angles(run: Run) -> list[str]:
     return sorted(k for k, x in angles.items() if np.isfinite(x).all() and np.ptp(x) > 0.0)
 
 
-def largest_change(runs: Sequence[Run]) -> float:
+def turn_equations(runs: Sequence[Run], travel: float) -> dict[int, TurnEquation]:
+    """The equations of the runs that have one, by their number."""
+    names = sorted({name for run in runs for name in steering_angles(run)})
+    swing = _largest_change(runs)
+    made = {i: turn_equation(run, names, travel, swing) for i, run in enumerate(runs)}
+    return {i: one for i, one in made.items() if one is not None}
+
+
+def _largest_change(runs: Sequence[Run]) -> float:
     """Of an ordered angle, in any run [rad]; 0 where none is ordered."""
     return max((float(np.ptp(_angle(run, k))) for run in runs for k in _ordered(run)), default=0.0)
 
@@ -100,7 +118,13 @@ def turn_equation(run: Run, names: Sequence[str], travel: float, swing: float) -
             pushed = _without(np.array([pushes[name][at - shift] for name in names]), constant[at])
             columns = np.concatenate((fixed[:-1], pushed, fixed[-1:]))
             products[way, k] = columns @ columns.T
-    return TurnEquation(products, run.duration / travel, row)
+    return TurnEquation(products, run.duration / travel, row, len(names))
+
+
+def answering() -> tuple[int, int]:
+    """First and one past the last of the delays after which a vehicle may answer its orders."""
+    first, last = (round((REACH + one) / STEP) for one in ANSWERS)
+    return first, last + 1
 
 
 def unexplained(products: Floats) -> Floats:
