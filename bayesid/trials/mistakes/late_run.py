@@ -6,7 +6,8 @@ several runs are off.
 
 Orders and motion are often logged by two clocks and joined run by run. All runs share the coefficients of
 `turn_equation`, each has a constant of its own, and one may have a delay of its own. It has to explain more
-than coefficients of its own would, which take what the equation lacks: at one frequency a delay is a phase.
+than coefficients of its own would, some way from those of the others, which take what the equation lacks: at
+one frequency a delay is a phase.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from bayesid.trials.correction import Correction
 from bayesid.trials.mistakes.judge import Base, Weighed
@@ -38,6 +40,7 @@ FALLS = 0.75  # of what is unexplained: what only bends the equation takes less 
 KEEPS = 0.3  # share of the turn of the run that may stay unexplained: at a wrong time of a zig-zag more does
 APART, ANOTHER_TIME = 1.0, 4.0  # lengths, and nats within which another time explains the run as well
 LITTLE = 1e-12  # of the turns, below which nothing is left
+OWN = 0.5  # share by which damping and force of a run may differ from those of the others
 MOST = 25.0  # nats of the surest run, more than sides of a rudder bring: a sign has been weighed against it
 
 
@@ -118,12 +121,34 @@ def _alone(every: Floats, turn: TurnEquation, independent: float) -> _Alone:
         first + a,
         b,
         float(curve[b]),
-        float((unexplained(rest) + unexplained(turn.products)).min()),
+        _coefficients_of_its_own(rest, turn),
         float(coefficients @ own @ coefficients / own[-1, -1]),
         others,
         others - STEP * (b + _between(curve, b)) + REACH,
         one_time,
     )
+
+
+def _coefficients_of_its_own(rest: Floats, turn: TurnEquation) -> float:
+    """What is left of the turns of all runs at one time for all, with damping and force of the angles of one
+    run some way from those of the others, and nonlinear rows of its own."""
+    near = slice(*answering())
+    shared, left = solved(rest[:, near])
+    way, at = (int(k) for k in np.unravel_index(np.argmin(left), left.shape))
+    usual = shared[way, at]
+    bound = np.append(OWN * np.abs(usual), np.inf)[[0, -1, -1, *range(3, usual.size)]]
+    own = turn.products[way, near][at]
+    inner, right = own[:-1, :-1], own[:-1, -1] - own[:-1, :-1] @ usual
+    size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    root = np.linalg.cholesky(inner / np.outer(size, size) + 1e-9 * np.eye(size.size))
+    found = (
+        lsq_linear(
+            root.T, np.linalg.solve(root, right / size), (-bound * size, bound * size), method="bvls"
+        ).x
+        / size
+    )
+    v = np.append(usual + found, -1.0)
+    return float(left[way, at] + v @ own @ v)
 
 
 def _stands(
