@@ -40,6 +40,8 @@ FALLS = 0.75  # of what is unexplained: what only bends the equation takes less 
 KEEPS = 0.3  # share of the turn of the run that may stay unexplained: at a wrong time of a zig-zag more does
 APART, ANOTHER_TIME = 1.0, 4.0  # lengths, and nats within which another time explains the run as well
 LITTLE = 1e-12  # of the turns, below which nothing is left
+SILENT = 1e-6  # size of a column over that of all runs, up to which a run has none
+LARGE = 1e6  # over those of the run, from which on coefficients of the others are none
 OWN = 0.5  # share by which damping and force of a run may differ from those of the others
 MOST = 25.0  # nats of the surest run, more than sides of a rudder bring: a sign has been weighed against it
 
@@ -138,15 +140,16 @@ def _coefficients_of_its_own(rest: Floats, turn: TurnEquation) -> float:
     usual = shared[way, at]
     bound = np.append(OWN * np.abs(usual), np.inf)[[0, -1, -1, *range(3, usual.size)]]
     own = turn.products[way, near][at]
+    if not np.abs(usual).max() < LARGE * np.abs(solved(own)[0]).max():
+        return float((unexplained(rest) + unexplained(turn.products)).min())
+    size = np.sqrt(np.diag(own + rest[way, near][at]))[:-1]
+    there = np.sqrt(np.diag(own))[:-1] > SILENT * size
     inner, right = own[:-1, :-1], own[:-1, -1] - own[:-1, :-1] @ usual
-    size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inner, right, size = inner[np.ix_(there, there)], right[there], np.sqrt(np.diag(inner)[there])
     root = np.linalg.cholesky(inner / np.outer(size, size) + 1e-9 * np.eye(size.size))
-    found = (
-        lsq_linear(
-            root.T, np.linalg.solve(root, right / size), (-bound * size, bound * size), method="bvls"
-        ).x
-        / size
-    )
+    limits = bound[there] * size
+    found = np.zeros(usual.size)
+    found[there] = lsq_linear(root.T, np.linalg.solve(root, right / size), (-limits, limits), "bvls").x / size
     v = np.append(usual + found, -1.0)
     return float(left[way, at] + v @ own @ v)
 
