@@ -8,6 +8,7 @@ import pytest
 
 from bayesid.api import fit as fit_module
 from bayesid.api.fit import fit
+from bayesid.api.predict import predict
 from bayesid.api.sample import sample
 from bayesid.api.simulate import simulate
 from bayesid.errors import MistakenLogError
@@ -39,6 +40,13 @@ def test_the_mistake_and_its_mend_are_told_with_exit_code_4(turned, tmp_path):
     with pytest.raises(MistakenLogError, match="heading has the opposite sign"):
         sample(turned, tmp_path / "chain", free="X_u|u|", quick=True)
     assert not (tmp_path / "chain").exists()
+
+
+def test_a_prediction_that_diagnoses_first_refuses_it_too(turned):
+    with pytest.raises(
+        MistakenLogError, match=r"heading has the opposite sign.*with --model it is not asked"
+    ):
+        predict(turned, vehicle="remus100")
 
 
 def test_only_runs_that_are_fitted_count(right, turned):

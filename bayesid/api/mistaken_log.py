@@ -12,7 +12,7 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.report.input import finding_sentence, joint_mend
 from bayesid.trials import Trial
 from bayesid.trials.handedness import handedness
-from bayesid.trials.mistakes import check_input
+from bayesid.trials.mistakes import InputCheck, check_input
 
 
 def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
@@ -29,12 +29,15 @@ def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
     """
     scales = build_model(ship, 3 if ship.planar_only else trial.dof).scales
     found = check_input(trial.identify, scales["L"] / scales["U"], None, ship.rates, handedness(trial.folder))
-    if not found.findings:
-        return
+    if found.findings:
+        raise mistaken_log(
+            trial.name, found, "Nothing is fitted; --trust-input (`trust_input`) takes the log as it is"
+        )
+
+
+def mistaken_log(name: str, found: InputCheck, then: str) -> MistakenLogError:
+    """The error that tells every mistake found in a trial with its mend, and what to do next."""
     told = [finding_sentence(finding) for finding in found.findings]
     every = joint_mend(found)
-    raise MistakenLogError(
-        f"{trial.name}: the log does not say what its header says: {'. '.join(told)}"
-        + (f". {every[0].upper()}{every[1:]}" if every else "")
-        + ". Nothing is fitted; --trust-input (`trust_input`) takes the log as it is"
-    )
+    told += [f"{every[0].upper()}{every[1:]}"] if every else []
+    return MistakenLogError(f"{name}: the log does not say what its header says: {'. '.join(told)}. {then}")

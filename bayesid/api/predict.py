@@ -20,6 +20,7 @@ from bayesid.api.inputs import (
     trial_of,
     vehicle_of,
 )
+from bayesid.api.mistaken_log import mistaken_log
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
@@ -195,12 +196,7 @@ def _model(
     for text in checked.left_open:
         progress.note(f"but {text}")
     if checked.findings:
-        first = checked.findings[0]
-        mend = f"; in trial.toml: {' '.join(first.mend)}" if first.mend else ""
-        raise TrialError(
-            f"{trial.name}: {first.says} (probability {first.probability:.2f}){mend}. See "
-            "`bayesid diagnose`; with --model it is not asked"
-        )
+        raise mistaken_log(trial.name, checked, "See `bayesid diagnose`; with --model it is not asked")
     diagnosis = diagnose(
         as_read(trial, model), model, seed=seed, plan_next=False, keep_model=True,
         notify=progress.route(diagnosis_route(False, False, True, model.dof == 6)),

@@ -15,8 +15,8 @@ from bayesid.cli.stopping import leave, listen
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and end the process.
 
-    The exit code is 0 ok, 2 usage or bad input, 3 not converged or a check failed, 128 + signal where it was
-    stopped.
+    The exit code is 0 ok, 2 usage or bad input, 3 not converged or a check failed, 4 a log that does not say
+    what its header says, 128 + signal where it was stopped.
     """
     listen()
     from bayesid.memory import give_back_freed

@@ -65,7 +65,8 @@ def fit(
 
     --out gets every iterate as it is found, fit.json, vehicle.toml of the identified vehicle, a report and,
     without --quick, the model for `bayesid predict`. Where the search did not converge, these runs leave a
-    combination open or a check failed, it ends with exit code 3.
+    combination open or a check failed, it ends with exit code 3. A log that does not say what its
+    header says is refused (4).
     """
     from bayesid.api.fit import fit as run
     from bayesid.cli.output import answer

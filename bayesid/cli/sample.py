@@ -91,7 +91,8 @@ def sample(
     """Sample the posterior of a trial's coefficients and say whether the chain may be believed.
 
     Fits first, then samples until R-hat, length and effective size pass, or --max-steps are done (exit code
-    3). A run that was stopped goes on with --resume and gives the same chain.
+    3). A log that does not say what its header says is refused (4). A run that was stopped goes on with
+    --resume and gives the same chain.
     """
     from bayesid.api.sample import sample as run
     from bayesid.cli.output import answer

@@ -236,6 +236,7 @@ def known_together(params: ParameterSet) -> Array | None:
         return None
     at = np.array([params.names.index(n) for n in joint.names])
     sd = np.sqrt(np.diag(joint.covariance))
+    sd = np.where(sd > 0.0, sd, 1.0)
     values, vectors = np.linalg.eigh(joint.covariance / np.outer(sd, sd))
     precision = (vectors / np.maximum(values, EXACTLY)) @ vectors.T
     out = np.zeros((len(params.names), len(params.names)))

@@ -55,8 +55,8 @@ def exit_codes() -> str:
         ],
         [
             "4",
-            "the log does not say what its header says: `trial check`, `fit`, `sample`, verdict `input` of "
-            "`diagnose`",
+            "the log does not say what its header says: `trial check`, `fit`, `sample`, `predict`, verdict "
+            "`input` of `diagnose`",
         ],
         ["130, 143", "stopped; what was done is kept, and the same command goes on from there"],
     ]
