@@ -104,6 +104,27 @@ def test_of_two_late_runs_among_four_no_right_one_is_told():
 
 
 @pytest.mark.thorough
+def test_of_two_late_runs_the_one_right_zigzag_is_not_told(runs):
+    # the vehicle would answer a second before its orders in both others; the turn tells nothing of their time
+    late = [logged_late(run, 1.0)[0] for run in runs[:2]]
+    assert check_input([*late, *runs[2:]], travel=TRAVEL).findings == ()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("lag", [0.2, 0.4])
+def test_a_measured_angle_in_one_run_beside_orders_in_others_is_no_late_run(lag):
+    # an angle lags behind its order: its run was told late by 0.3 s, or another one early
+    slow = {"actuator_lag.tau": lag}
+    made = simulate("remus100", *ORDERS, dt=STEP, noise=NOISE, change=slow, seed=1).runs
+    order, angle = made[0].commands["delta_r_cmd"], np.zeros(made[0].n_samples)
+    for k in range(1, angle.size):
+        angle[k] = angle[k - 1] + (order[k - 1] - angle[k - 1]) * (1.0 - np.exp(-STEP / lag))
+    angle += np.random.default_rng(0).normal(0.0, 0.002, angle.size)
+    mixed = replace(made[0], measured_inputs={"delta_r": angle})
+    assert check_input([mixed, *made[1:]], travel=TRAVEL).findings == ()
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("rpm", [300.0, 420.0])
 def test_a_run_at_another_speed_beside_a_meander_is_no_late_run(rpm):
     # at one frequency a delay is a phase: the meander was told to be 3.4 to 4.1 s early

@@ -44,7 +44,7 @@ def test_the_mistake_and_its_mend_are_told_with_exit_code_4(turned, tmp_path):
 
 def test_a_prediction_that_diagnoses_first_refuses_it_too(turned):
     with pytest.raises(
-        MistakenLogError, match=r"heading has the opposite sign.*with --model it is not asked"
+        MistakenLogError, match=r"heading has the opposite sign.*with --model the log is not checked"
     ):
         predict(turned, vehicle="remus100")
 

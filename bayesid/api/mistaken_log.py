@@ -40,4 +40,7 @@ def mistaken_log(name: str, found: InputCheck, then: str) -> MistakenLogError:
     told = [finding_sentence(finding) for finding in found.findings]
     every = joint_mend(found)
     told += [f"{every[0].upper()}{every[1:]}"] if every else []
-    return MistakenLogError(f"{name}: the log does not say what its header says: {'. '.join(told)}. {then}")
+    return MistakenLogError(
+        f"{name}: the log does not say what its header says: {'. '.join(told)}. A mend "
+        f"belongs into trial.toml, each entry of [corrections] on a line of its own. {then}"
+    )

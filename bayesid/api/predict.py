@@ -196,7 +196,7 @@ def _model(
     for text in checked.left_open:
         progress.note(f"but {text}")
     if checked.findings:
-        raise mistaken_log(trial.name, checked, "See `bayesid diagnose`; with --model it is not asked")
+        raise mistaken_log(trial.name, checked, "See `bayesid diagnose`; with --model the log is not checked")
     diagnosis = diagnose(
         as_read(trial, model), model, seed=seed, plan_next=False, keep_model=True,
         notify=progress.route(diagnosis_route(False, False, True, model.dof == 6)),

@@ -34,7 +34,7 @@ TOLD = {
 
 def finding_sentence(finding: InputFinding) -> str:
     """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
-    told_where = any(name in finding.says for name in finding.runs)
+    told_where = finding.correction is not None and finding.correction.names_runs
     where = "" if finding.all_runs or told_where else f" in {and_list(finding.runs)}"
     told = and_list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = (

@@ -39,8 +39,6 @@ def frozen(base: Sequence[Base]) -> list[Weighed]:
         seconds = max(_longest(one.run, name) for one in base)
         where = tuple(one.run.name for one, k in zip(base, count, strict=True) if k)
         says = f"{name} repeats its last value for up to {seconds:.3g} s while the vehicle moves on"
-        if len(where) < len(base):
-            says += f" (in {', '.join(where)})"
         correction = Correction(skip_repeats=(name,), runs=where if len(where) < len(base) else ())
         mistake = Mistake(f"frozen {name}", says, correction, USUAL)
         out.append(Weighed(mistake, odds, {"size": odds}))
@@ -70,9 +68,8 @@ def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
     both = Correction(skip_repeats=tuple(names), runs=where if len(where) < len(base) else ())
     seconds = max(_longest(one.run, n) for one in base for n in names)
     says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s"
-    runs = f" (in {', '.join(where)})" if both.runs else ""
     odds = np.sum([w.odds for w in group], axis=0)
-    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}, while the vehicle moves on{runs}", both, USUAL)
+    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}, while the vehicle moves on", both, USUAL)
     return Weighed(mistake, odds, {"size": odds})
 
 

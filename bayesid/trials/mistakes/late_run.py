@@ -28,6 +28,7 @@ from bayesid.trials.mistakes.turn_equation import (
     STEP,
     TurnEquation,
     answering,
+    measured_angles,
     solved,
     turn_equations,
     unexplained,
@@ -39,11 +40,11 @@ LEAST, LEAST_ROWS = 0.3, 1.2  # a difference in lengths travelled, and in rows: 
 FALLS = 0.75  # of what is unexplained: what only bends the equation takes less of it away
 KEEPS = 0.3  # share of the turn of the run that may stay unexplained: at a wrong time of a zig-zag more does
 APART, ANOTHER_TIME = 1.0, 4.0  # lengths, and nats within which another time explains the run as well
-LITTLE = 1e-12  # of the turns, below which nothing is left
+LITTLE = 1e-12  # of the turns, numerically nothing
 SILENT = 1e-6  # size of a column over that of all runs, up to which a run has none
 LARGE = 1e6  # over those of the run, from which on coefficients of the others are none
 OWN = 0.5  # share by which damping and force of a run may differ from those of the others
-MOST = 25.0  # nats of the surest run, more than sides of a rudder bring: a sign has been weighed against it
+MOST = 25.0  # nats of the surest run; a rudder of the other sign, which `sides` gives 20, has been ruled out
 
 
 def late_run(base: Sequence[Base]) -> list[Weighed]:
@@ -59,12 +60,12 @@ def late_run(base: Sequence[Base]) -> list[Weighed]:
     turned = (unexplained(every - one.products + one.turned).min() for one in turns.values())
     same = min(float(unexplained(every).min()), *map(float, turned))
     found = {i: _alone(every, turn, independent) for i, turn in turns.items()}
-    # no vehicle answers before its orders: those of all other runs would be late
     score = {
         i: (USUAL if one.others < -LEAST else 0.0) - 0.5 * independent * math.log(one.left)
         for i, one in found.items()
     }
     best = max(score, key=lambda i: score[i])
+    measured = bool(measured_angles([one.run for one in base]))
     if not _stands(best, found[best], same, every, turns, travel):
         return []
     nats = min(MOST, 0.5 * independent * math.log(min(same, found[best].own)) + score[best])
@@ -72,7 +73,7 @@ def late_run(base: Sequence[Base]) -> list[Weighed]:
     for i, one in found.items():
         odds = np.zeros(len(base))
         odds[i] = nats + score[i] - score[best]
-        mistake = _mistake(base[i].run, one.late * travel, len(turns))
+        mistake = _mistake(base[i].run, one.late * travel, len(turns), measured)
         out.append(Weighed(mistake, odds, {"orders": odds}))
     return out
 
@@ -162,9 +163,10 @@ def _stands(
     turns: Mapping[int, TurnEquation],
     travel: float,
 ) -> bool:
-    """Whether a time of its own explains a run clearly, and no other run wants one beside it."""
+    """Whether a time of its own explains a run clearly, and no second run is explained better at another."""
     least = max(LEAST, LEAST_ROWS * max(turn.row for turn in turns.values()) / travel)
-    if not one.one_time or abs(one.late) < least:
+    if not one.one_time or abs(one.late) < least or one.others < -LEAST:
+        # all others late rather than this one early: no vehicle answers before its orders
         return False
     if one.left > FALLS * min(same, one.own) or one.kept > KEEPS:
         return False
@@ -182,17 +184,15 @@ def _stands(
     return True
 
 
-def _mistake(run: Run, late: float, runs: int) -> Mistake:
-    """Late orders, or early ones where `late` [s] is negative."""
-    columns = sorted({*run.commands, *run.measured_inputs})
-    what = "orders" if not run.measured_inputs else "orders and measured angles"
+def _mistake(run: Run, late: float, runs: int, measured: bool) -> Mistake:
+    """Late orders, or early ones where `late` [s] is negative; with measured angles where these tell it."""
+    columns = sorted({*run.commands, *(run.measured_inputs if measured else ())})
+    what = "orders and measured angles" if measured else "orders"
     seconds = float(f"{late:.3g}")
     side = "later" if late > 0 else "earlier"
-    says = (
-        f"in {run.name} {what} are logged {abs(seconds):g} s {side} against the motion than in the other runs"
-    )
+    says = f"{what} are logged {abs(seconds):g} s {side} against the motion than those of the other runs"
     if late < 0:
-        says += ", or the vehicle answers so much later there"
+        says += ", or the vehicle answers so much later"
     correction = Correction(late=dict.fromkeys(columns, seconds), runs=(run.name,))
     return Mistake(f"orders of {run.name} against its motion", says, correction, USUAL - math.log(runs))
 

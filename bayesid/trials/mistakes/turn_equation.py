@@ -12,7 +12,7 @@ the angle has a rate, and a play; each of a few of both is tried.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +37,7 @@ class TurnEquation:
     ----------
     products : (ways, delays, m, m) of the shared columns, the angles and the turn, in this order; a way is
         how angles follow their orders
-    lengths : travelled
+    lengths : travelled where the equation is read
     row : between two readings [s]
     angles : number of columns of angles
     """
@@ -55,39 +55,71 @@ class TurnEquation:
         return self.products * sign[:, None] * sign
 
 
-def steering_angles(run: Run) -> list[str]:
-    """Angles that turn it and move, as measured where they are, else as ordered."""
-    inputs = {*run.measured_inputs, *(name.removesuffix("_cmd") for name in run.commands)} - {*OTHER_PLANE}
-    angles = {k: x for k in inputs if k.startswith("delta") and (x := run.input(k)) is not None}
-    return sorted(k for k, x in angles.items() if np.isfinite(x).all() and np.ptp(x) > 0.0)
-
-
 def turn_equations(runs: Sequence[Run], travel: float) -> dict[int, TurnEquation]:
-    """The equations of the runs that have one, by their number."""
-    names = sorted({name for run in runs for name in steering_angles(run)})
-    swing = _largest_change(runs)
-    made = {i: turn_equation(run, names, travel, swing) for i, run in enumerate(runs)}
+    """The equations of the runs that have one, by their number.
+
+    Parameters
+    ----------
+    travel : time to travel a length [s]
+    """
+    measured = measured_angles(runs)
+    angles = [_angles(run, measured) for run in runs]
+    names = sorted({name for one in angles for name in one})
+    ordered = [x for one in angles for name, x in one.items() if name not in measured]
+    swing = max((float(np.ptp(x)) for x in ordered), default=0.0)
+    made = {
+        i: _turn_equation(run, one, [name for name in one if name not in measured], names, travel, swing)
+        for i, (run, one) in enumerate(zip(runs, angles, strict=True))
+    }
     return {i: one for i, one in made.items() if one is not None}
 
 
-def _largest_change(runs: Sequence[Run]) -> float:
-    """Of an ordered angle, in any run [rad]; 0 where none is ordered."""
-    return max((float(np.ptp(_angle(run, k))) for run in runs for k in _ordered(run)), default=0.0)
+def measured_angles(runs: Sequence[Run]) -> frozenset[str]:
+    """Angles that every run which logs them logs as measured; of the others the order is read, in all runs: a
+    measured angle beside orders lags behind them, as a late run would."""
+    some = {name for run in runs for name in _logged(run)}
+    return frozenset(k for k in some if all(k in run.measured_inputs for run in runs if k in _logged(run)))
 
 
-def turn_equation(run: Run, names: Sequence[str], travel: float, swing: float) -> TurnEquation | None:
+def _logged(run: Run) -> set[str]:
+    """Angles that may turn a run, in any way."""
+    inputs = {*run.measured_inputs, *(name.removesuffix("_cmd") for name in run.commands)}
+    return {name for name in inputs - {*OTHER_PLANE} if name.startswith("delta")}
+
+
+def _angles(run: Run, measured: Collection[str]) -> dict[str, Floats]:
+    """Angles that move; none of a run that logs one in another way than the others."""
+    out = {}
+    for name in sorted(_logged(run)):
+        values = run.measured_inputs[name] if name in measured else run.commands.get(f"{name}_cmd")
+        if values is None or not np.isfinite(values).all():
+            return {}
+        if np.ptp(values) > 0.0:
+            out[name] = values
+    return out
+
+
+def _turn_equation(
+    run: Run,
+    angles: Mapping[str, Floats],
+    ordered: Collection[str],
+    names: Sequence[str],
+    travel: float,
+    swing: float,
+) -> TurnEquation | None:
     """The equation of a run; None where it does not turn by angles, or does not log how.
 
     Parameters
     ----------
+    angles : its own that move [rad]
+    ordered : those of them that follow an order
     names : angles of all runs
-    travel : time to travel a length [s]
     swing : largest change of an order [rad]
     """
-    own, step = steering_angles(run), STEP * travel
+    step = STEP * travel
     row = float(np.median(np.diff(run.t))) if run.n_samples > 1 else math.inf
     half = max(WIDTH * travel, 3.0 * row)
-    if not own or run.duration < 2.0 * (REACH * travel + half) + 4.0 * half:
+    if not angles or run.duration < 2.0 * (REACH * travel + half) + 4.0 * half:
         return None
     t = np.arange(run.t[0], min(run.t[-1], run.t[0] + LONGEST * step), step)
     rate, speed = _rate(run, t), _speed(run, t, travel)
@@ -104,11 +136,14 @@ def turn_equation(run: Run, names: Sequence[str], travel: float, swing: float) -
     shared = [weak(speed * rate), weak(rate * np.abs(rate)), weak(rate**3 / slow)]
     constant, turn = weak(speed**2), -weak(rate, slope)
     shifts = np.arange(-round(REACH / STEP), round(REACH / STEP) + 1)
-    at = np.arange(shifts[-1], turn.size - shifts[-1], max(1, count // 2))
+    apart = max(1, count // 2)
+    at = np.arange(shifts[-1], turn.size - shifts[-1], apart)
     fixed = _without(np.array([*shared, turn])[:, at], constant[at])
     if not fixed[-1] @ fixed[-1] > 0.0:
         return None
-    followed = {k: _ways(run, k, t, swing, travel, k in _ordered(run)) for k in own}
+    last = np.clip(np.searchsorted(run.t, t, side="right") - 1, 0, run.n_samples - 1)
+    most = swing / np.array(SWINGS) * STEP
+    followed = {k: _ways(values[last], most, k in ordered) for k, values in angles.items()}
     many = len(fixed) + len(names)
     products = np.empty((1 + len(SWINGS) + len(PLAYS), shifts.size, many, many))
     for way in range(len(products)):
@@ -118,7 +153,7 @@ def turn_equation(run: Run, names: Sequence[str], travel: float, swing: float) -
             pushed = _without(np.array([pushes[name][at - shift] for name in names]), constant[at])
             columns = np.concatenate((fixed[:-1], pushed, fixed[-1:]))
             products[way, k] = columns @ columns.T
-    return TurnEquation(products, run.duration / travel, row, len(names))
+    return TurnEquation(products, at.size * apart * STEP, row, len(names))
 
 
 def answering() -> tuple[int, int]:
@@ -142,24 +177,16 @@ def solved(products: Floats) -> tuple[Floats, Floats]:
     return found / size, np.asarray(turn - np.einsum("...i,...i->...", found, right))
 
 
-def _ordered(run: Run) -> list[str]:
-    return [k for k in steering_angles(run) if k not in run.measured_inputs]
+def _ways(order: Floats, most: Floats, follows: bool) -> Floats:
+    """(ways, n) an angle as it is read, at some rates, behind some plays; where measured always as read.
 
-
-def _angle(run: Run, name: str) -> Floats:
-    values = run.input(name)
-    assert values is not None
-    return values
-
-
-def _ways(run: Run, name: str, t: Floats, swing: float, travel: float, follows: bool) -> Floats:
-    """(ways, n) an angle as it is read, at some rates, behind some plays; where measured always as read."""
-    last = np.searchsorted(run.t, t, side="right") - 1
-    order = _angle(run, name)[np.clip(last, 0, run.n_samples - 1)]
+    Parameters
+    ----------
+    most : change in a step at each rate [rad]
+    """
     out = np.tile(order, (1 + len(SWINGS) + len(PLAYS), 1))
     if not follows:
         return out
-    most = swing / np.array(SWINGS) * float(t[1] - t[0]) / travel
     play = np.array(PLAYS)
     slow, loose = out[1 : 1 + len(SWINGS)], out[1 + len(SWINGS) :]
     for k in range(1, order.size):
