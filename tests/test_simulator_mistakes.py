@@ -159,6 +159,51 @@ def test_what_wider_coefficients_explain_nearly_as_well_is_listed_as_either(
     assert ("coefficients further off than stated" in sentence) is bool(told)
 
 
+@pytest.mark.parametrize(
+    ("mended", "before", "follows", "told"),
+    [
+        (7.5, 3.2, True, False),  # a tether taken for another length: two coefficients went 6 and 7 sd off
+        (3.1, 0.5, True, True),  # no further than one of many does by chance
+        (7.5, 9.0, True, True),  # nearer than without the mend
+        (7.5, 3.2, False, True),  # nothing else follows the log: there is nothing to set it against
+    ],
+)
+def test_a_mend_that_takes_coefficients_away_from_their_values_is_not_told(
+    monkeypatch, mended, before, follows, told
+) -> None:
+    model = _model(load_vehicle("remus100"), 3)
+    stated = coefficient_prior(model)
+    value = float(model.nominal[model.index["N_v"]])
+    change = Change({"N_v": 2.0 * value})
+    behind = Change({"N_v": 3.0 * value})
+    tried = [judge.Screened(m, 1.0, c, 50.0, 0.0) for m, c in zip(MISTAKES, (change, behind), strict=False)]
+    said = dict(zip(map(id, tried), (judge.Mended(100.0, {}, mended), judge.Mended(99.0, {})), strict=True))
+    monkeypatch.setattr(judge, "_worth", lambda *_: tried)
+    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, *_: said[id(s)])
+    monkeypatch.setattr(judge, "left_over", lambda *_: NOTHING)
+    monkeypatch.setattr(judge, "explains", lambda _: follows)
+    moved = stated.mean.copy()
+    moved[stated.names.index("N_r")] += before * stated.sd[stated.names.index("N_r")]
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=(), fit=SimpleNamespace(values=moved))
+    limits = SimpleNamespace(named=3.0, conflict=3.4)
+    problem = SimpleNamespace(model=model, stated=stated)
+    compared = SimpleNamespace(
+        problem=problem, candidates=SimpleNamespace(none=none, refits=[], thresholds=limits)
+    )
+    found = find_mistakes(None, compared, SimpleNamespace(word="model_form"))
+    # nor is what lies behind it, for want of the right one
+    assert [f.name for f in found] == ([m.name for m in MISTAKES[:2]] if told else [])
+
+
+def test_a_row_that_a_mend_leaves_free_is_in_no_conflict() -> None:
+    stated = coefficient_prior(_model(load_vehicle("remus100"), 3))
+    moved = stated.mean + 2.0 * stated.sd
+    moved[stated.names.index("N_v")] -= 9.0 * stated.sd[stated.names.index("N_v")]
+    found = SimpleNamespace(fit=SimpleNamespace(values=moved))
+    assert judge.conflict(SimpleNamespace(stated=stated), found) == pytest.approx(7.0)
+    assert judge.conflict(SimpleNamespace(stated=stated), found, {"N_v": 1.0}) == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("first", ["effect", "coefficient"])
 def test_a_mend_is_also_tried_beside_an_effect_that_goes_before_a_coefficient(monkeypatch, first) -> None:
     """The best explanation may be an effect though a single coefficient of a wide prior has more evidence."""
@@ -231,6 +276,7 @@ def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
         model: object = None
         events: tuple = ()
         outliers: tuple = ()
+        stated: object = NO_PARAMETERS
 
     loud, quiet = (NoiseModel((f, f, f), 1.0, 0.0, 1.0) for f in (8.0, 1.0))
     measured = NoiseIdentification(loud, source, 0.5)
@@ -242,7 +288,7 @@ def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
 
     def best(problem, beside):
         nats = 140.0 if problem.environment.noise_model is quiet else 100.0
-        return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=()))
+        return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=np.zeros(0)))
 
     monkeypatch.setattr(judge, "_best_of", best)
     asked = Problem(NoiseIdentification(quiet, source, 0.5, again=again))

@@ -2,14 +2,15 @@
 
 Takes a trial, the hypotheses of its gap and the verdict. Gives what was found, best first. A mistake is named
 only if its mend, alone or beside the effects of the best explanation, beats every other explanation,
-environments measured anew, and leaves nothing that asks for a cause, or effects that are then named. One that
-beats every cause, and coefficients further off than stated by less, is listed as either. Does not change the
-verdict or touch the search of causes.
+environments measured anew, has no coefficient further from its value than that explanation has one, and
+leaves nothing that asks for a cause, or effects that are then named. One that beats every cause, and
+coefficients further off than stated by less, is listed as either. Does not change the verdict or touch the
+search of causes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -27,7 +28,7 @@ from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
 from bayesid.diagnosis.simulator.mending import beside, mended_model, mended_prior, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES, Change, SimulatorMistake
-from bayesid.diagnosis.threshold_table import MINOR_SHARE
+from bayesid.diagnosis.threshold_table import MINOR_SHARE, PRIOR_CONFLICT
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
@@ -54,8 +55,8 @@ MOST_LISTED = 3
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """A mistake at its best size: gain of the linear screen, what its other sizes take from it [nats], and
-    the rows it leaves free as the log has them, once it was judged anew."""
+    """A mistake at its best size: gain of the linear screen, what its other sizes take from it [nats], and,
+    once it was judged anew, the rows it leaves free as the log has them, and the conflict of `Mended`."""
 
     mistake: SimulatorMistake
     size: float
@@ -63,14 +64,17 @@ class Screened:
     gain: float
     share: float
     fitted: Mapping[str, float] = field(default_factory=dict)
+    conflict: float = 0.0
 
 
 @dataclass(frozen=True)
 class Mended:
-    """Log evidence of a mended simulator, and what the log makes of the rows the mend leaves free [SI]."""
+    """Log evidence of a mended simulator, what the log makes of the rows the mend leaves free [SI], and how
+    far a coefficient it does not leave free then lies from its value, at most [stated sd]."""
 
     log_evidence: float
     fitted: Mapping[str, float]
+    conflict: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,10 +114,19 @@ def find_mistakes(
         notify(f"the simulator mended: {s.mistake.name}")
         mended = mended_evidence(problem, trial, s, as_built, beside)
         if mended is not None and mended.log_evidence > max(cause + LEAD, best + ALIKE):
-            found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
-    if not found:
-        return ()
+            found.append((mended.log_evidence, replace(s, fitted=mended.fitted, conflict=mended.conflict)))
     found.sort(key=lambda row: -row[0])
+
+    def astray(s: Screened) -> bool:
+        """Whether a coefficient lies further off than without the mend: a right one takes it to its value."""
+        if s.conflict <= PRIOR_CONFLICT or not explains(explanation):
+            return False  # where nothing follows the log, where coefficients should be is not known
+        return s.conflict > max(comparison.thresholds.conflict, conflict(problem, explanation))
+
+    # none where the best is not it: what lies behind it would be named for want of the right one
+    if not found or astray(found[0][1]):
+        return ()
+    found = [row for row in found if not astray(row[1])]
     notify("whether the mended simulator leaves a gap")
 
     def cleared(evidence: float, s: Screened) -> tuple[str, ...] | None:
@@ -125,7 +138,7 @@ def find_mistakes(
             return ()
         return left.effects or None
 
-    # none where the best leaves a gap: what lies behind it would be named for want of the right one
+    # nor where the best leaves a gap
     if (needed := cleared(*found[0])) is None:
         return ()
     alike = [row for row in found[1:] if row[0] > found[0][0] - ALIKE][: MOST_LISTED - 1]
@@ -275,7 +288,14 @@ def mended_evidence(
                 found, fitted = again, _free_rows(again, s)
     except BayesidError:
         return None
-    return Mended(found.log_evidence + s.share, fitted)
+    return Mended(found.log_evidence + s.share, fitted, conflict(problem, found, s.change.sd))
+
+
+def conflict(problem: DiagnosisProblem, found: RefittedHypothesis, free: Collection[str] = ()) -> float:
+    """Largest move of a coefficient from its value in the simulator [stated sd], free ones left out."""
+    stated = problem.stated
+    moves = np.abs(found.fit.values[: len(stated.names)] - stated.mean) / stated.sd
+    return max((float(z) for n, z in zip(stated.names, moves, strict=True) if n not in free), default=0.0)
 
 
 def _quieter(problem: DiagnosisProblem, found: RefittedHypothesis) -> DiagnosisProblem:
