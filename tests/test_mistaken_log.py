@@ -7,13 +7,22 @@ from dataclasses import replace
 import pytest
 
 from bayesid.api import fit as fit_module
+from bayesid.api.diagnose import diagnose
 from bayesid.api.fit import fit
+from bayesid.api.mistaken_log import held_out_mistakes
 from bayesid.api.predict import predict
 from bayesid.api.sample import sample
 from bayesid.api.simulate import simulate
 from bayesid.errors import MistakenLogError
-from bayesid.trials import Trial
+from bayesid.model.vehicles import load_vehicle
+from bayesid.trials import Run, Trial
 from bayesid.trials.correction import Correction, apply
+from bayesid.trials.held_out_log import SAID, held_out_note
+
+
+def held_out(run: Run) -> Run:
+    return replace(run, role="holdout")
+
 
 NOISE = {"x": 0.1, "y": 0.1, "psi": 0.005, "r": 0.002, "u": 0.01, "v": 0.01}
 
@@ -49,9 +58,34 @@ def test_a_prediction_that_diagnoses_first_refuses_it_too(turned):
         predict(turned, vehicle="remus100")
 
 
-def test_only_runs_that_are_fitted_count(right, turned):
-    half = replace(right, runs=(right.runs[0], replace(turned.runs[1], role="holdout")))
-    assert fit(half, free="X_u|u|", quick=True).found.fit.converged
+def test_a_mistake_of_held_out_runs_alone_fails_a_check_of_the_fit(right, turned):
+    """The fit stands: it does not read them. Its errors there are those of the log."""
+    held = [replace(run, role="holdout") for run in (right.runs[1], turned.runs[1])]
+    for run, said in zip(held, (False, True), strict=True):
+        found = fit(replace(right, runs=(right.runs[0], run)), free="X_u|u|", quick=True)
+        assert found.found.fit.converged
+        told = [text for text in found.failures if text.startswith(SAID)]
+        assert len(told) == said
+    assert run.name in told[0] and "heading has the opposite sign" in told[0]
+
+
+def test_a_mistake_that_fitted_runs_have_too_is_not_told_of_the_held_out_ones(right, turned):
+    """Trusted, or read after a mend: what is asked of the held-out runs is what only they have wrong."""
+    ship = load_vehicle("remus100")
+    assert held_out_mistakes(turned, ship) == ()  # none is held out
+    beside = replace(turned, runs=(*turned.runs, replace(right.runs[0], name="third", role="holdout")))
+    assert held_out_mistakes(beside, ship) == ()
+    (said,) = held_out_mistakes(replace(right, runs=(right.runs[0], held_out(turned.runs[1]))), ship)
+    assert held_out_note(("another", said)) == said
+
+
+@pytest.mark.thorough
+def test_a_diagnosis_tells_it_after_the_verdict(right, turned):
+    half = replace(right, runs=(right.runs[0], held_out(turned.runs[1])))
+    found = diagnose(half, vehicle="remus100", first_look=True, next_manoeuvre=False)
+    assert found.verdict == "none"
+    assert [text.startswith(SAID) for text in found.failures] == [True]
+    assert found.headline
 
 
 @pytest.mark.thorough

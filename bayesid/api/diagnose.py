@@ -19,6 +19,7 @@ from bayesid.api.inputs import (
     model_of,
     trial_of,
 )
+from bayesid.api.mistaken_log import held_out_mistakes
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.attempt import attempt
@@ -149,6 +150,9 @@ def diagnose(
             found = run_on(of)
             if right is not None:
                 found = or_with_earlier_orders(found, of, right, used, run_on, shown.note)
+        if not trust_input:  # after the verdict: held-out runs take no part in it
+            untrue = held_out_mistakes(of if right is None else right, model.vehicle)
+            found = replace(found, result=replace(found.result, warnings=(*found.result.warnings, *untrue)))
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)
