@@ -10,7 +10,8 @@ import pytest
 from bayesid.api.simulate import simulate
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction, apply
-from bayesid.trials.mistakes import check_input
+from bayesid.trials.mistakes import check_input, late_run
+from bayesid.trials.mistakes.turn_equation import answering, turn_equations, unexplained
 from studies.log_mistakes.one_run_late import logged_late
 
 ORDERS = (
@@ -141,6 +142,18 @@ def test_a_run_at_another_speed_beside_a_meander_is_no_late_run(rpm):
         for k, (text, speed) in enumerate(kinds.items())
     ]
     assert check_input(made, travel=travel).findings == ()
+
+
+def test_coefficients_of_a_run_of_its_own_leave_no_more_than_those_of_all():
+    """Meanders tell nothing of what large turns have besides: coefficients of its own left a large zig-zag
+    three times as much as those of all did, and a bulk carrier was told one with early orders."""
+    orders = ("zigzag:2/2,duration=60", "zigzag:2/3,duration=60", "zigzag:13/20,duration=60")
+    found = simulate("remus100", *orders, dt=STEP, noise=NOISE, seed=2).runs
+    turns = turn_equations(found, TRAVEL)
+    every = sum(turn.products for turn in turns.values())
+    same = unexplained(every[:, slice(*answering())]).min()
+    for turn in turns.values():
+        assert late_run._coefficients_of_its_own(every - turn.products, turn) <= same * (1 + 1e-6)
 
 
 @pytest.mark.thorough

@@ -136,23 +136,32 @@ def _coefficients_of_its_own(rest: Floats, turn: TurnEquation) -> float:
     """What is left of the turns of all runs at one time for all, with damping and force of the angles of one
     run some way from those of the others, and nonlinear rows of its own."""
     near = slice(*answering())
-    shared, left = solved(rest[:, near])
-    way, at = (int(k) for k in np.unravel_index(np.argmin(left), left.shape))
-    usual = shared[way, at]
-    bound = np.append(OWN * np.abs(usual), np.inf)[[0, -1, -1, *range(3, usual.size)]]
-    own = turn.products[way, near][at]
+    others, own = rest[:, near], turn.products[:, near]
+    shared, left = solved(others)
+    # at the best time of the others, and, where these tell little of it, of all
+    tried = {np.unravel_index(np.argmin(one), one.shape) for one in (left, unexplained(others + own))}
+    return min(_differing(others[at], own[at], shared[at]) for at in tried)
+
+
+def _differing(others: Floats, own: Floats, usual: Floats) -> float:
+    """What is left where coefficients of one run differ within bounds from those of the others.
+
+    All are found together: of large turns the others, which have `usual` alone, may tell nothing.
+    """
     if not np.abs(usual).max() < LARGE * np.abs(solved(own)[0]).max():
-        return float((unexplained(rest) + unexplained(turn.products)).min())
-    size = np.sqrt(np.diag(own + rest[way, near][at]))[:-1]
-    there = np.sqrt(np.diag(own))[:-1] > SILENT * size
-    inner, right = own[:-1, :-1], own[:-1, -1] - own[:-1, :-1] @ usual
-    inner, right, size = inner[np.ix_(there, there)], right[there], np.sqrt(np.diag(inner)[there])
-    root = np.linalg.cholesky(inner / np.outer(size, size) + 1e-9 * np.eye(size.size))
-    limits = bound[there] * size
-    found = np.zeros(usual.size)
-    found[there] = lsq_linear(root.T, np.linalg.solve(root, right / size), (-limits, limits), "bvls").x / size
-    v = np.append(usual + found, -1.0)
-    return float(left[way, at] + v @ own @ v)
+        return float(unexplained(others) + unexplained(own))
+    bound = np.append(OWN * np.abs(usual), np.inf)[[0, -1, -1, *range(3, usual.size)]]
+    size = np.sqrt(np.diag(own + others))[:-1]
+    read, there = size > 0.0, np.sqrt(np.diag(own))[:-1] > SILENT * size
+    # coefficients of all, then by how much those of the run differ
+    both = np.block([[own + others, own], [own, own]])
+    turn, kept = size.size, [*np.flatnonzero(read), *(size.size + 1 + np.flatnonzero(there))]
+    inner, right = both[np.ix_(kept, kept)], both[kept, turn]
+    scale = np.sqrt(np.diag(inner))
+    root = np.linalg.cholesky(inner / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
+    limits = np.append(np.full(int(read.sum()), np.inf), bound[there]) * scale
+    found = lsq_linear(root.T, np.linalg.solve(root, right / scale), (-limits, limits), "bvls").x / scale
+    return float(both[turn, turn] - 2.0 * found @ right + found @ inner @ found)
 
 
 def _stands(
