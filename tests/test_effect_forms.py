@@ -115,15 +115,16 @@ def usual(s):
     return s.U_ref * s.n / s.rpm_ref
 
 
-def air(s, north, east, front, centre):
-    """Air at 1.2 kg/m3 on 3 % of L^2 ahead and 10 % abeam at L/20 and what these two add, less what still air
-    does."""
+def air(s, north, east, front, centre, moves):
+    """Air at 1.2 kg/m3 on 3 % of L^2 ahead and 10 % abeam, at L/20 in wind abeam and further forward by
+    `moves` per radian before that, and what front and centre add, less what still air does."""
     c, sn = np.cos(s.psi), np.sin(s.psi)
     out = np.zeros(6)
     for sign, (n, e) in ((1, (north, east)), (-1, (0.0, 0.0))):
         a, b = n * c + e * sn - s.u, e * c - n * sn - s.v
         q = sign * 0.6 * s.L**2 * np.hypot(a, b)
-        out += q * np.array([0.03 * (1 + front) * a, 0.1 * b, 0, 0, 0, 0.1 * b * (0.05 + centre) * s.L])
+        arm = 0.05 + centre + moves * np.arctan2(-a, abs(b))
+        out += q * np.array([0.03 * (1 + front) * a, 0.1 * b, 0, 0, 0, 0.1 * b * arm * s.L])
     return out
 
 
@@ -211,8 +212,12 @@ CASES = {
         lambda s, p: at((0, 0, 0), rotation(s.phi, s.theta, s.psi).T @ np.array([0.3, -0.2, 0.0])),
     ),
     "wind": (
-        {"blowing_north": 2.0, "blowing_east": -1.0, "area_coefficients": 0.7, "front": 0.4, "centre": -0.08},
-        lambda s, p: air(s, 2.0, -1.0, 0.4, -0.08) + 0.7 * air(s, s.wind_north, s.wind_east, 0.4, -0.08),
+        {
+            "blowing_north": 2.0, "blowing_east": -1.0, "area_coefficients": 0.7, "front": 0.4,
+            "centre": -0.08, "centre_moves": 0.2,
+        },
+        lambda s, p: air(s, 2.0, -1.0, 0.4, -0.08, 0.2)
+        + 0.7 * air(s, s.wind_north, s.wind_east, 0.4, -0.08, 0.2),
     ),
     "trim_weight": (
         {"weight_excess": 0.4, "x": 0.3}, lambda s, p: at((0.3, 0, 0), 0.4 * down(s))

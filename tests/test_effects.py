@@ -34,7 +34,9 @@ BY_NAME = {e.name: e for e in CATALOGUE}
 # what no kernel holds: a coefficient that is wrong is a parameter of its own
 ELSEWHERE = {"coefficient_error"}
 # the kernel's unknowns are cartesian, which keeps them differentiable at no wind; reports speak of V and from
-OTHER_PARAMETERS = {"wind": ["blowing_north", "blowing_east", "area_coefficients", "front", "centre"]}
+OTHER_PARAMETERS = {
+    "wind": ["blowing_north", "blowing_east", "area_coefficients", "front", "centre", "centre_moves"]
+}
 
 
 @pytest.mark.parametrize("agreed", [a for a in AGREED if a["name"] not in ELSEWHERE], ids=lambda a: a["name"])

@@ -98,5 +98,5 @@ def test_water_that_the_wind_moves_is_a_current_of_its_share():
 def test_other_vehicles_keep_their_wind():
     names = build_model(load_vehicle("remus100"), 3).effects["wind"].parameters
     assert [p.name for p in names] == [
-        "blowing_north", "blowing_east", "area_coefficients", "front", "centre"
+        "blowing_north", "blowing_east", "area_coefficients", "front", "centre", "centre_moves"
     ]  # fmt: skip

@@ -8,6 +8,12 @@ _RHO_AIR = 1.2
 # Areas are known to a factor of two (sd .7 of their logarithm); a speed found from the force goes
 # with their root.
 AREAS_SD = 0.35
+# Half of what the centre of a loaded tanker's side force moves per radian (Blendermann 1994), as far from it
+# as from a plate whose centre stays.
+_MOVES = 0.09
+# Of each component [m/s], a mean speed of 6.3: that at 10 m is 6.6 over the sea and 3.3 over land (Archer and
+# Jacobson 2005, J. Geophys. Res. 110, D12110).
+WIND_SD = 5.0
 
 
 def air_force(axis: str, north: str, east: str) -> str:
@@ -17,10 +23,12 @@ def air_force(axis: str, north: str, east: str) -> str:
         a = f"(({north})*cos(psi) + ({east})*sin(psi) - ug)"
         b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
         speed = f"sqrt({a}*{a} + {b}*{b})"
+        # rad of wind before the beam; nought in no wind
+        before = f"(-2*atan({a}/(abs({b}) + sqrt({a}*{a} + {b}*{b} + 1e-12))))"
         return {
             "X": f"{_AX}*(1 + front)*{a}*{speed}",
             "Y": f"{_AY}*{b}*{speed}",
-            "N": f"{_AY}*({_ARM} + centre)*L*{b}*{speed}",
+            "N": f"{_AY}*({_ARM} + centre + centre_moves*{before})*L*{b}*{speed}",
         }[axis]
 
     return f"0.5*{_RHO_AIR}*L*L*({drag(north, east)} - {drag('0', '0')})"
@@ -68,14 +76,14 @@ EFFECTS = (
             EffectParameter(
                 "blowing_north",
                 "m/s",
-                2.0,
+                WIND_SD,
                 assumed=AREAS_SD,
                 about="air velocity to the north where no wind was measured, for the assumed areas",
             ),
             EffectParameter(
                 "blowing_east",
                 "m/s",
-                2.0,
+                WIND_SD,
                 assumed=AREAS_SD,
                 about="air velocity to the east where no wind was measured, for the assumed areas",
             ),
@@ -97,16 +105,26 @@ EFFECTS = (
             EffectParameter(
                 "centre",
                 "-",
-                0.03,
+                0.05,
                 shape=True,
                 about="centre of the side force before that assumed, over L",
+            ),
+            EffectParameter(
+                "centre_moves",
+                "-",
+                _MOVES,
+                off=_MOVES,
+                mean=_MOVES,
+                shape=True,
+                about="how far that centre moves forward per radian of wind before the beam, over L",
             ),
         ),
         force={"X": _wind("X"), "Y": _wind("Y"), "N": _wind("N")},
         source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
         magnitude="first-order for surface models in the open",
         form="Quadratic in the air that passes the hull; 3 % of L^2 exposed ahead and 10 % abeam, at a "
-        "yaw arm of L/20, the first and the last uncertain; heel, trim and depth are left out. A vehicle "
+        "yaw arm of L/20 that moves forward by 0.09 L per radian of wind before the beam, all but the area "
+        "abeam uncertain; heel, trim and depth are left out. A vehicle "
         "whose file states its areas (`air_front`, `air_side`) has coefficients over the direction instead.",
     ),
     Effect(

@@ -22,7 +22,9 @@ def _varying(steady: Effect, force: dict[str, str], areas: float, shape: tuple[s
     """The steady declaration, its two components at the start of a run and their change per 600 s; `shape`
     are parameters it keeps."""
     start = [
-        EffectParameter(name, "m/s", 2.0, assumed=areas, about="air velocity at the start of a run")
+        EffectParameter(
+            name, "m/s", environment.WIND_SD, assumed=areas, about="air velocity at the start of a run"
+        )
         for name in _FIRST
     ]
     change = [
@@ -55,7 +57,7 @@ VARYING = (
         _of(environment.EFFECTS),
         {axis: environment.air_force(axis, _NORTH, _EAST) for axis in "XYN"},
         environment.AREAS_SD,
-        ("front", "centre"),
+        ("front", "centre", "centre_moves"),
     ),
 )
 #: areas and coefficients of a ship
