@@ -288,7 +288,7 @@ def test_a_form_takes_the_place_of_what_is_less_probable_or_does_not_arrive(
     best = refit(*after)
     monkeypatch.setattr(form_stage, "compare", lambda *a, **k: Plain(best=best))
     monkeypatch.setattr(form_stage, "form_gain", lambda *a: 100.0)
-    problem = Plain(model=Plain(effects={}), with_form=lambda form: problem)
+    problem = Plain(model=Plain(effects={}), form=None, with_form=lambda form: problem)
     single = Plain(none=None, refits=())
     needed = SoughtForm(ModelForm(SIZES), 50.0, 50.0, True)
     found, _ = form_stage._with_form(problem, needed, refit(*before), single, lambda text: None, 0, None)

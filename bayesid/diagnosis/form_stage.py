@@ -32,6 +32,7 @@ from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest
 from bayesid.diagnosis.hypotheses.form_part import form_gain
 from bayesid.diagnosis.hypotheses.form_search import SoughtForm, sought_form
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
+from bayesid.diagnosis.hypotheses.push_aside import with_push_aside
 from bayesid.diagnosis.hypotheses.refit import remainder
 from bayesid.diagnosis.hypotheses.search import gains_beside
 from bayesid.diagnosis.threshold_table import FORM_EVIDENCE
@@ -154,7 +155,8 @@ def _with_form(
         return None, None
     if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
         return None, None
-    return Compared(wider, candidates, formless=(single.none, *single.refits)), None
+    asked = with_push_aside(wider, candidates)
+    return Compared(wider, asked, formless=(single.none, *single.refits)), None
 
 
 def _further(problem: DiagnosisProblem, single: SingleEffects) -> float:

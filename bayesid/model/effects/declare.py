@@ -116,7 +116,7 @@ class Effect:
 
     `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
     "also" where it is a cause of its own as well, "only" where it is not, "alone" where it pushes to one side
-    on a straight course: no part of a form, and a cause only where no form is needed.
+    on a straight course: no part of a form, and beside one no more than a rival of what it explains better.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     `at_surface` effects reach only a vehicle at the surface.
     """

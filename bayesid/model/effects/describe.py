@@ -20,7 +20,7 @@ _PORTS = {
 _AS_FORM = {
     "also": "part of it where the equations lack a force that depends on the motion, else a cause",
     "only": "part of it, never a cause",
-    "alone": "no part of it, and a cause only where the equations lack no such force",
+    "alone": "no part of it, and beside one no more than a rival of what it explains better",
 }
 
 

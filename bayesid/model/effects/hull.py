@@ -133,7 +133,8 @@ EFFECTS = (
         magnitude="equal to some degrees of rudder after damage, one where a fin is bolted on askew",
         form="A side force and a yaw moment with the square of the speed, each of its own size; that of a "
         "rudder set askew is rudder_offset, that of a propeller goes with its thrust. One propeller behind a "
-        "hull has as much, so it is not told where the equations lack a force.",
+        "hull has as much: where the equations lack a force it is told only beside a cause in whose place it "
+        "explains more.",
         as_form="alone",
     ),
     Effect(
