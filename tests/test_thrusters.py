@@ -173,6 +173,9 @@ def test_a_bundle_of_thruster_logs_is_read_and_inputs_that_do_not_move_are_told(
     still = [replace(r, commands={"n_port_cmd": np.full(r.t.size, 500.0)}) for r in again.runs]
     told = " ".join(unmoved_inputs(replace(again, runs=tuple(still)), vehicle))
     assert "n_port never moves" in told and "n_stbd is an input" in told and "delta_r" not in told
+    # at another speed in each run it tells what it does
+    still[0] = replace(still[0], commands={"n_port_cmd": np.full(still[0].t.size, 400.0)})
+    assert "n_port" not in " ".join(unmoved_inputs(replace(again, runs=tuple(still)), vehicle))
 
 
 def test_no_manoeuvre_of_the_rudder_is_proposed_to_a_vehicle_without_one(model):

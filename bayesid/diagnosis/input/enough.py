@@ -6,6 +6,7 @@ Takes a trial, and a model where there is one. Gives sentences; empty where ther
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.model.vehicles.orders import has_propeller, spread
 from bayesid.simulation import shaft_speed_words
 from bayesid.trials import Run, Trial
+from bayesid.trials.trial import Floats
 
 FEWEST = 8  # readings of a run, fewer than its first state and a response have unknowns
 COARSE = math.radians(90.0)  # heading from reading to reading: the turn between them is not told
@@ -54,7 +56,7 @@ def not_enough(trial: Trial, model: Model | None = None) -> tuple[str, ...]:
 
 
 def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
-    """One sentence per input the vehicle's forces depend on that no run has, or that moves in none.
+    """One sentence per input the vehicle's forces depend on that no run has, or that is the same in all.
 
     Fins count whose rows are in the file, the propeller where it gives thrust, and all named actuators.
     """
@@ -65,7 +67,7 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
         if not there:
             taken = "and in no run; it is taken as 0" if name != "n" else f"and {shaft_speed_words(vehicle)}"
             out.append(f"{name} is an input of {vehicle.name} {taken}")
-        elif not any(_moves(run, name) for run in there):
+        elif not any(_moves(run, name) for run in there) and not _differs(there, name):
             out.append(f"{name} never moves in any run: what it does cannot be told")
     return tuple(out)
 
@@ -134,7 +136,15 @@ def _steady(run: Run) -> bool:
 
 def _moves(run: Run, name: str) -> bool:
     values = run.input(name)
-    if values is None:
-        return False
+    return values is not None and _changes(values, name)
+
+
+def _differs(runs: Sequence[Run], name: str) -> bool:
+    """Whether runs are steered with an input at another value each."""
+    every = [values for run in runs if (values := run.input(name)) is not None]
+    return bool(every) and _changes(np.concatenate(every), name)
+
+
+def _changes(values: Floats, name: str) -> bool:
     least = LEAST_FIN if name.startswith("delta") else 0.01 * max(float(np.max(np.abs(values))), 1e-9)
     return float(np.ptp(values)) > least
