@@ -20,7 +20,9 @@ from bayesid.model.effects import CATALOGUE
 FILE = Path(__file__).parent / "data" / "verdicts.json"
 WORLDS = json.loads(FILE.read_text()) if FILE.exists() else []
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
-EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
+EFFECTS = tuple(
+    SimpleNamespace(name=n, family=f, where=("N",), as_form="", sensor={}) for n, f in FAMILY.items()
+)
 
 
 def candidate(effects, log_evidence, chi2, converged):
@@ -238,7 +240,7 @@ def test_a_sensor_alone_is_not_the_cause_where_the_vehicle_turns_by_itself(
         monkeypatch.setattr(effect, "port", ports[effect.name], raising=False)
     problem.turns, problem.form = turns, object() if form else None
     stand_ins["given_by_roll"] = lambda problem, effect, table: False
-    stand_ins["given_by_leeway"] = lambda problem, effect, table: False
+    stand_ins["given_by_leeway"] = lambda *_: False
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics(parts=dict.fromkeys(told, 50.0))
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), True)
     stand_ins["like_a_form"] = lambda comparison, best, model: ()
@@ -272,7 +274,7 @@ def test_causes_that_have_no_size_or_are_a_list_do_not_keep_the_rest_from_the_fo
     problem.turns, problem.form = False, object()
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics()
     stand_ins["given_by_roll"] = lambda problem, effect, table: effect.name in rolls
-    stand_ins["given_by_leeway"] = lambda problem, effect, table: False
+    stand_ins["given_by_leeway"] = lambda *_: False
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: (
         ("a",) if len(best.effects) > 1 else (),
         True,
@@ -307,7 +309,7 @@ def test_an_effect_that_is_not_named_has_the_reason_that_decided(change, reason,
     problem, comparison, stand_ins = world(w)
     stand_ins["idle"] = lambda best, problem, table, told: change.get("idle", ())
     stand_ins["beyond_range"] = lambda best, problem, table: change.get("range", ())
-    stand_ins["given_by_leeway"] = lambda problem, effect, table: effect.name == change.get("leeway")
+    stand_ins["given_by_leeway"] = lambda problem, effect, *_: effect.name == change.get("leeway")
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: (change.get("covered", ()), True)
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
@@ -345,6 +347,28 @@ def test_a_small_bias_of_the_heading_reads_like_leeway(bias, channels, form, lee
     assert given_by_leeway(problem, compass, {compass.key("bias"): (bias, 1e-4)}) is leeway_gives_it
 
 
+@pytest.mark.parametrize("form", [True, False])
+@pytest.mark.parametrize(
+    ("beside", "bias", "leeway_gives_it"),
+    [
+        ("velocity_misalignment", 0.004, True),  # a log that is turned leaves the zero of v unknown
+        ("velocity_misalignment", 0.04, False),
+        ("velocity_scale", 0.004, False),  # one that reads too much does not
+        ("gyro_scale", 0.004, False),
+    ],
+)
+def test_a_velocity_log_that_is_turned_does_not_tell_a_bias_of_the_heading_from_leeway(
+    form, beside, bias, leeway_gives_it
+):
+    """Track, heading and a turned log give the difference of the two angles; a bulk carrier of other
+    equations, whose log was turned by 2.4 degrees, was told a compass 0.2 degrees off as well."""
+    effects = {e.name: e for e in CATALOGUE}
+    compass = effects["heading_bias"]
+    problem = SimpleNamespace(form=object() if form else None, channels=("x", "y", "psi", "u", "v"))
+    told = {compass.key("bias"): (bias, 1e-4)}
+    assert given_by_leeway(problem, compass, told, [effects[beside]]) is leeway_gives_it
+
+
 @pytest.mark.parametrize(
     ("best", "leeway", "word"),
     [
@@ -363,7 +387,7 @@ def test_what_leeway_may_give_is_possible_and_not_named(best, leeway, word, monk
     problem.turns, problem.form = False, object()
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics()
     stand_ins["given_by_roll"] = lambda problem, effect, table: False
-    stand_ins["given_by_leeway"] = lambda problem, effect, table: effect.name in leeway
+    stand_ins["given_by_leeway"] = lambda problem, effect, *_: effect.name in leeway
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), False)
     stand_ins["_small"] = lambda problem, comparison, best, names, share: False
     stand_ins["like_a_form"] = lambda comparison, best, model: ()

@@ -24,7 +24,8 @@ from bayesid.model.vehicles import load_vehicle
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
 EFFECTS = tuple(
-    SimpleNamespace(name=n, family=f, where=("N",), as_form="", parameters=()) for n, f in FAMILY.items()
+    SimpleNamespace(name=n, family=f, where=("N",), as_form="", sensor={}, parameters=())
+    for n, f in FAMILY.items()
 )
 PROBLEM = SimpleNamespace(
     model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),

@@ -26,6 +26,7 @@ class Hypotheses:
     probabilities: dict
     evidence: dict = field(default_factory=dict)
     sets: dict = field(default_factory=dict)
+    thresholds: Plain = field(default_factory=lambda: Plain(named=4.0))
 
     @property
     def best(self):
@@ -46,7 +47,8 @@ def asked(monkeypatch) -> list[tuple[str, ...]]:
 
     def refitted(problem, names, fitted):
         tried.append(names)
-        return Plain(effects=names, log_evidence=problem.worth, widens=False)
+        both = len(names) > problem.causes
+        return Plain(effects=names, log_evidence=problem.beside if both else problem.worth, widens=False)
 
     monkeypatch.setattr(push_aside, "explains", lambda _: True)
     monkeypatch.setattr(push_aside, "fit_with", lambda *_: None)
@@ -54,14 +56,15 @@ def asked(monkeypatch) -> list[tuple[str, ...]]:
     return tried
 
 
-def problem(worth: float = 120.0, form: object = "a form") -> Plain:
-    return Plain(form=form, model=build_model(load_vehicle("remus100"), 3), worth=worth)
+def problem(worth: float = 120.0, form: object = "a form", beside: float = 121.0, causes: int = 1) -> Plain:
+    model = build_model(load_vehicle("remus100"), 3)
+    return Plain(form=form, model=model, worth=worth, beside=beside, causes=causes)
 
 
 def test_a_push_that_explains_more_has_half_of_the_probability(asked):
     before = hypotheses("rudder_offset")
     found = with_push_aside(problem(), before)
-    assert asked == [(PUSH,)]
+    assert asked == [(PUSH,), ("rudder_offset", PUSH)]
     for table in (found.inside, found.probabilities):
         assert table["rudder_offset"] == table[PUSH] == pytest.approx(0.495)
         assert sum(table.values()) == pytest.approx(1.0)
@@ -77,9 +80,17 @@ def test_a_push_that_explains_less_changes_nothing(asked, worth):
     assert asked
 
 
+def test_a_push_beside_which_the_cause_still_explains_something_is_no_rival(asked):
+    """A drag that rises on the way, on a ship that one screw pushes aside: both act."""
+    before = hypotheses("drag_step")
+    assert with_push_aside(problem(beside=130.0), before) is before
+    assert len(asked) == 2
+
+
 def test_of_two_causes_the_one_in_whose_place_it_stands_shares(asked):
-    found = with_push_aside(problem(), hypotheses("actuator_lag", "heading_bias"))
-    assert asked == [(PUSH, "heading_bias")]  # a sensor is judged by kinematics
+    found = with_push_aside(problem(causes=2), hypotheses("actuator_lag", "heading_bias"))
+    # a sensor is judged by kinematics
+    assert asked == [(PUSH, "heading_bias"), ("actuator_lag", "heading_bias", PUSH)]
     assert found.inside["heading_bias"] == 0.99
     assert found.inside["actuator_lag"] == found.inside[PUSH] == pytest.approx(0.495)
     assert found.sets[("heading_bias", PUSH)] == pytest.approx(0.495)

@@ -230,10 +230,11 @@ def grounds_of(
     all_within = (
         together if not no_cause else _small(problem, candidates, best, {*within, *no_cause}, FORM_LEAVES)
     )
-    leeway = (
-        ()
-        if best.widens
-        else tuple(n for n in best.effects if given_by_leeway(problem, problem.model.effects[n], table))
+    acting = {} if best.widens else {n: problem.model.effects[n] for n in best.effects}
+    leeway = tuple(
+        n
+        for n, e in acting.items()
+        if given_by_leeway(problem, e, table, [other for m, other in acting.items() if m != n])
     )
     unnamed: dict[str, Unnamed] = {}
     if several:

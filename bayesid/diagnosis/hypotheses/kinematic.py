@@ -25,6 +25,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     widened_by_few,
 )
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE
+from bayesid.equations.layout import names_read
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import stacked_equations
@@ -158,14 +159,24 @@ def given_by_roll(
 
 
 def given_by_leeway(
-    problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]
+    problem: DiagnosisProblem,
+    effect: Effect,
+    table: Mapping[str, tuple[float, float]],
+    beside: Sequence[Effect] = (),
 ) -> bool:
     """Whether the leeway of a constant side force gives what an effect is estimated at.
 
-    Only where no reading of v tells them apart and beside a model form, where such a force is no hypothesis
-    of its own (one screw pushes a ship aside as well) and the effect would stand for it.
+    Only where no reading of v tells them apart: where v is not read, beside a model form, where such a force
+    is no hypothesis of its own (one screw pushes a ship aside as well) and the effect would stand for it; or
+    where the zero of v is unknown, as another effect adds a share of u to its reading. Of a compass and a
+    velocity log that are turned, kinematics tells the difference alone.
+
+    Parameters
+    ----------
+    beside : the other effects of the explanation
     """
-    if problem.form is None or "v" in problem.channels:
+    turned = any("u" in names_read(e.sensor["v"]) for e in beside if "v" in e.sensor)
+    if not turned and (problem.form is None or "v" in problem.channels):
         return False
     sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
     return any(0.0 < abs(size - p.off) < p.leeway for p, size in sizes)

@@ -21,7 +21,8 @@ from bayesid.errors import ModelError
 
 
 def with_push_aside(problem: DiagnosisProblem, candidates: HypothesisComparison) -> HypothesisComparison:
-    """Hypotheses in which a push has half the probability of each effect in whose place it explains more.
+    """Hypotheses in which a push has half the probability of each effect in whose place it explains more,
+    and which explains nothing beside it.
 
     No more than half: a form may be a part of what it gains.
     """
@@ -36,18 +37,19 @@ def with_push_aside(problem: DiagnosisProblem, candidates: HypothesisComparison)
         if not likely or effects[name].port not in ("force", "input"):
             continue
         for push in pushes:
-            rival = _in_place(problem, best, name, push)
-            if rival is not None and rival.log_evidence > best.log_evidence:
+            rival = _refitted(problem, tuple(push if n == name else n for n in best.effects))
+            if rival is None or not rival.log_evidence > best.log_evidence:
+                continue
+            # what the effect still explains beside the push is its own
+            both = _refitted(problem, (*best.effects, push))
+            if both is None or both.log_evidence < rival.log_evidence + candidates.thresholds.named:
                 candidates = _shared(candidates, rival, name, push)
                 break
     return candidates
 
 
-def _in_place(
-    problem: DiagnosisProblem, best: RefittedHypothesis, name: str, push: str
-) -> RefittedHypothesis | None:
-    """The best explanation with a push in place of one effect; None where it does not follow the log."""
-    names = tuple(push if n == name else n for n in best.effects)
+def _refitted(problem: DiagnosisProblem, names: tuple[str, ...]) -> RefittedHypothesis | None:
+    """An explanation; None where it does not follow the log."""
     try:
         found = weighted_hypothesis(
             problem, names, fit_with(problem, tuple(problem.model.effects[n] for n in names))
