@@ -17,7 +17,8 @@ from bayesid.errors import MistakenLogError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
 from bayesid.trials.correction import Correction, apply
-from bayesid.trials.held_out_log import SAID, held_out_note
+from bayesid.trials.held_out_log import FITTED, SAID, held_out_notes
+from studies.log_mistakes.one_run_late import logged_late
 
 
 def held_out(run: Run) -> Run:
@@ -76,7 +77,27 @@ def test_a_mistake_that_fitted_runs_have_too_is_not_told_of_the_held_out_ones(ri
     beside = replace(turned, runs=(*turned.runs, replace(right.runs[0], name="third", role="holdout")))
     assert held_out_mistakes(beside, ship) == ()
     (said,) = held_out_mistakes(replace(right, runs=(right.runs[0], held_out(turned.runs[1]))), ship)
-    assert held_out_note(("another", said)) == said
+    assert held_out_notes(("another", said)) == [said]
+    assert f'runs = ["{turned.runs[1].name}"]' in said  # the mend does not reach the fitted run
+
+
+def test_a_fitted_run_that_is_silent_is_not_said_to_be_wrong(turned):
+    """A straight run tells nothing of the sign of its heading: whether it is turned as well is not known."""
+    straight = simulate("remus100", "straight:duration=40", dof=3, dt=0.4, noise=NOISE, seed=1).runs[0]
+    trial = replace(turned, runs=(straight, held_out(turned.runs[1])))
+    (said,) = held_out_mistakes(trial, load_vehicle("remus100"))
+    assert said.startswith(SAID) and f'runs = ["{turned.runs[1].name}"]' in said
+    assert "the fitted runs do not tell whether they have it too" in said and straight.name not in said
+
+
+@pytest.mark.thorough
+def test_a_fitted_run_that_only_the_held_out_ones_tell_wrong_is_told():
+    """Orders of one run are late against those of others only: here the fit read the late one."""
+    orders = ("zigzag:10/10,duration=60", "zigzag:12/12,duration=60", "zigzag:5/10,duration=60")
+    three = simulate("remus100", *orders, dof=3, dt=0.2, noise=NOISE, seed=1)
+    runs = (logged_late(three.runs[0], 1.0)[0], *(held_out(run) for run in three.runs[1:]))
+    (said,) = held_out_mistakes(replace(three, runs=runs), load_vehicle("remus100"))
+    assert said.startswith(FITTED) and runs[0].name in said and "does not stand" in said
 
 
 @pytest.mark.thorough

@@ -70,7 +70,22 @@ def test_a_push_that_explains_more_has_half_of_the_probability(asked):
         assert sum(table.values()) == pytest.approx(1.0)
     assert found.sets == pytest.approx({("rudder_offset",): 0.495, (PUSH,): 0.495, ("outside",): 0.01})
     assert [c.effects for c in found.refits] == [("rudder_offset",), (PUSH,)]
-    assert found.best is before.best and found.evidence[PUSH] == 120.0
+    assert found.best is before.best
+
+
+def test_a_push_takes_the_place_of_one_cause_only(asked):
+    found = with_push_aside(problem(causes=2), hypotheses("actuator_lag", "rudder_offset"))
+    assert found.inside[PUSH] == pytest.approx(0.495) and found.inside["rudder_offset"] == 0.99
+    assert sum(found.sets.values()) == pytest.approx(1.0)
+    assert all(len(set(names)) == len(names) for names in found.sets)
+
+
+def test_a_cause_is_asked_by_its_family(asked):
+    """Neither less thrust nor more drag is as probable as a name asks for, both together are."""
+    before = hypotheses("thrust_loss", share=0.6)
+    before.inside["hull_fouling"] = 0.35
+    found = with_push_aside(problem(), before)
+    assert asked[0] == (PUSH,) and found.inside["thrust_loss"] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("worth", [99.0, 100.0])

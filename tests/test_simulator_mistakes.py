@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -184,7 +184,8 @@ def test_a_mend_that_takes_coefficients_away_from_their_values_is_not_told(
     monkeypatch.setattr(judge, "explains", lambda _: follows)
     moved = stated.mean.copy()
     moved[stated.names.index("N_r")] += before * stated.sd[stated.names.index("N_r")]
-    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=(), fit=SimpleNamespace(values=moved))
+    fit = SimpleNamespace(values=moved, free=stated)
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=(), fit=fit)
     limits = SimpleNamespace(named=3.0, conflict=3.4)
     problem = SimpleNamespace(model=model, stated=stated)
     compared = SimpleNamespace(
@@ -199,9 +200,13 @@ def test_a_row_that_a_mend_leaves_free_is_in_no_conflict() -> None:
     stated = coefficient_prior(_model(load_vehicle("remus100"), 3))
     moved = stated.mean + 2.0 * stated.sd
     moved[stated.names.index("N_v")] -= 9.0 * stated.sd[stated.names.index("N_v")]
-    found = SimpleNamespace(fit=SimpleNamespace(values=moved))
-    assert judge.conflict(SimpleNamespace(stated=stated), found) == pytest.approx(7.0)
-    assert judge.conflict(SimpleNamespace(stated=stated), found, {"N_v": 1.0}) == pytest.approx(2.0)
+    problem = SimpleNamespace(stated=stated)
+    found = SimpleNamespace(fit=SimpleNamespace(values=moved, free=stated))
+    assert judge.conflict(problem, found) == pytest.approx(7.0)
+    assert judge.conflict(problem, found, {"N_v": 1.0}) == pytest.approx(2.0)
+    # of a wider prior, as of a model form, no move of these is a conflict
+    wide = SimpleNamespace(fit=SimpleNamespace(values=moved, free=replace(stated, sd=10.0 * stated.sd)))
+    assert judge.conflict(problem, wide) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("first", ["effect", "coefficient"])

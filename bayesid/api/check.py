@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
+from bayesid.api.mistaken_log import held_out_mistakes
 from bayesid.diagnosis.input import (
     check_trial,
     mended,
@@ -40,6 +41,7 @@ class Checked:
     still : inputs of the vehicle that are not in the log or never move, one sentence each
     same : what the reader noticed that is one of these mistakes again: the mended log has it no more
     wind : whether a measured wind acts on the vehicle; None where none is measured
+    held_out : mistakes that only the held-out runs tell, or have, one sentence or two
     """
 
     check: InputCheck
@@ -47,6 +49,7 @@ class Checked:
     still: tuple[str, ...] = ()
     same: frozenset[str] = frozenset()
     wind: str | None = None
+    held_out: tuple[str, ...] = ()
 
     @property
     def mistakes(self) -> tuple[str, ...]:
@@ -72,6 +75,7 @@ class Checked:
             "not_enough": list(self.lacking),
             "unmoved_inputs": list(self.still),
             "wind": self.wind,
+            "held_out": list(self.held_out),
         }
 
 
@@ -92,7 +96,9 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     found = check_trial(without_missing(logged, model.vehicle) if model is not None else logged, model)
     wind = wind_words(model.vehicle, logged) if model is not None else None
     lacking = (*lost.values(), *not_enough(logged, model))
-    return Checked(found, lacking, still, _same(logged, found), wind)
+    # where fitted runs are mistaken, a mend comes first
+    held = () if model is None or found.findings else held_out_mistakes(logged, model.vehicle)
+    return Checked(found, lacking, still, _same(logged, found), wind, held)
 
 
 def lacking_orders(trial: Trial, named: Iterable[str] = ()) -> tuple[str, ...]:

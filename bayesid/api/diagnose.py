@@ -19,7 +19,7 @@ from bayesid.api.inputs import (
     model_of,
     trial_of,
 )
-from bayesid.api.mistaken_log import held_out_mistakes
+from bayesid.api.mistaken_log import with_held_out_checked
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.attempt import attempt
@@ -151,8 +151,7 @@ def diagnose(
             if right is not None:
                 found = or_with_earlier_orders(found, of, right, used, run_on, shown.note)
         if not trust_input:  # after the verdict: held-out runs take no part in it
-            untrue = held_out_mistakes(of if right is None else right, model.vehicle)
-            found = replace(found, result=replace(found.result, warnings=(*found.result.warnings, *untrue)))
+            found = with_held_out_checked(found, of if right is None else right, model.vehicle)
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were used")
         return DiagnoseResult(found, checked, fits, places)

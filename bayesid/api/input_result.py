@@ -15,6 +15,7 @@ from bayesid.files import write_json
 from bayesid.report import writer
 from bayesid.report.input import after_words, check_record, input_report, input_summary
 from bayesid.report.writer import Report
+from bayesid.trials.held_out_log import held_out_notes
 from bayesid.trials.mistakes import InputCheck
 
 if TYPE_CHECKING:
@@ -113,6 +114,8 @@ class InputResult(Result):
         after = None if self.after is None else self.after.record()
         headline = "" if self.after is None else self.after.headline
         text = input_summary(self.checked, self.reasons, after, self.verdict, headline)
+        if self.after is not None:  # the mend may reach held-out runs that were right
+            text += "".join(f"\n{note}" for note in held_out_notes(self.after.found.result.warnings))
         if self.gap is not None:
             text = f"{self._gap_words}\n\n{text}"
         if verbose and self.after is not None:

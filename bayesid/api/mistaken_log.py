@@ -7,15 +7,18 @@ coefficients are what a fit looks for. Held-out runs, which a fit does not read,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from bayesid.diagnosis.attempt import attempt
+from bayesid.diagnosis.run import Diagnosis
 from bayesid.equations.model import build_model
 from bayesid.errors import MistakenLogError
 from bayesid.model.vehicles import Vehicle
 from bayesid.report.input import finding_sentence, joint_mend
 from bayesid.trials import Run, Trial
 from bayesid.trials.handedness import handedness
-from bayesid.trials.held_out_log import held_out_warning
-from bayesid.trials.mistakes import InputCheck, check_input
+from bayesid.trials.held_out_log import fitted_warning, held_out_warning
+from bayesid.trials.mistakes import InputCheck, InputFinding, check_input
 
 
 def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
@@ -38,14 +41,51 @@ def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
 
 
 def held_out_mistakes(trial: Trial, ship: Vehicle) -> tuple[str, ...]:
-    """A warning where held-out runs, beside fitted ones that are right, contradict their header."""
+    """Warnings where runs contradict their header once the held-out ones are read as well: of held-out runs,
+    and of fitted ones where only the held-out ones tell it.
+
+    What fitted runs tell by themselves is not told again (`refuse_mistaken_log`).
+    """
     if not trial.holdout or not trial.identify:
         return ()
-    found = _checked(trial, (*trial.identify, *trial.holdout), ship)
+    found = _checked(trial, (*trial.identify, *trial.holdout), ship).findings
+    if not found:
+        return ()
+    known = {f.name for f in _checked(trial, trial.identify, ship).findings}
+    alone = {f.name: f for f in _checked(trial, trial.holdout, ship).findings}
     fitted = {run.name for run in trial.identify}
-    # a mistake in fitted runs alone would have been told of them
-    told = [finding_sentence(f) for f in found.findings if not set(f.runs) <= fitted]
-    return (held_out_warning(told),) if told else ()
+    held: list[str] = []
+    ours: list[str] = []
+    for f in (f for f in found if f.name not in known):
+        if not set(f.runs) & fitted:
+            held.append(finding_sentence(_of_its_runs(f)))
+        elif f.name in alone:
+            told = finding_sentence(_of_its_runs(alone[f.name]))
+            held.append(f"{told}; the fitted runs do not tell whether they have it too")
+        else:
+            ours.append(finding_sentence(_of_its_runs(f)))
+    out = (held_out_warning(held),) if held else ()
+    return (*out, fitted_warning(ours)) if ours else out
+
+
+def with_held_out_checked(diagnosis: Diagnosis, trial: Trial, ship: Vehicle) -> Diagnosis:
+    """A diagnosis, whose verdict stands, with the warnings of `held_out_mistakes`."""
+    told: list[str] = []
+    told += attempt(
+        "whether held-out runs say what their header says could not be asked",
+        lambda: held_out_mistakes(trial, ship),
+        (),
+        told,
+    )
+    result = replace(diagnosis.result, warnings=(*diagnosis.result.warnings, *told))
+    return replace(diagnosis, result=result)
+
+
+def _of_its_runs(f: InputFinding) -> InputFinding:
+    """The finding of its runs alone: runs that are silent on it need not have it."""
+    if f.correction is None or f.correction.names_runs:
+        return replace(f, all_runs=False)
+    return replace(f, all_runs=False, correction=replace(f.correction, runs=f.runs))
 
 
 def _checked(trial: Trial, runs: Sequence[Run], ship: Vehicle) -> InputCheck:
@@ -58,7 +98,6 @@ def mistaken_log(name: str, found: InputCheck, then: str) -> MistakenLogError:
     told = [finding_sentence(finding) for finding in found.findings]
     every = joint_mend(found)
     told += [f"{every[0].upper()}{every[1:]}"] if every else []
-    return MistakenLogError(
-        f"{name}: the log does not say what its header says: {'. '.join(told)}. A mend "
-        f"belongs into trial.toml, each entry of [corrections] on a line of its own. {then}"
-    )
+    if any(finding.mend for finding in found.findings):
+        told.append("A mend belongs into trial.toml, each entry of [corrections] on a line of its own")
+    return MistakenLogError(f"{name}: the log does not say what its header says: {'. '.join(told)}. {then}")

@@ -20,7 +20,7 @@ from bayesid.api.inputs import (
     trial_of,
     vehicle_of,
 )
-from bayesid.api.mistaken_log import mistaken_log
+from bayesid.api.mistaken_log import mistaken_log, with_held_out_checked
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
@@ -201,7 +201,7 @@ def _model(
         as_read(trial, model), model, seed=seed, plan_next=False, keep_model=True,
         notify=progress.route(diagnosis_route(False, False, True, model.dof == 6)),
     )  # fmt: skip
-    found = diagnosed_model_of(diagnosis)
+    found = diagnosed_model_of(with_held_out_checked(diagnosis, trial, model.vehicle))
     if out is not None:
         write_diagnosed(found, out)
     return found

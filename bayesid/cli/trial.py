@@ -60,7 +60,7 @@ def check(
     in_plane = ship is not None and trial.dof == 6 and ship.planar_only
     if in_plane:
         summary["dof"] = 3
-    summary["warnings"] = [*found.check.left_open, *summary["warnings"], *found.still]
+    summary["warnings"] = [*found.held_out, *found.check.left_open, *summary["warnings"], *found.still]
     summary["warnings"] += filter(None, [found.wind])
     # one mend for one mistake
     summary["warnings"] = [w for w in summary["warnings"] if w.partition(".csv: ")[2] not in found.same]

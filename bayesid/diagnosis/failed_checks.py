@@ -17,7 +17,7 @@ from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE, LEAST_RUNS
 from bayesid.model.terms import ADDED_MASSES
 from bayesid.places import NOWHERE, Places
-from bayesid.trials.held_out_log import held_out_note
+from bayesid.trials.held_out_log import held_out_notes
 from bayesid.words import and_list, digits, first_few
 
 # Stated uncertainties, and times its own size, from which a coefficient is not to be believed.
@@ -44,8 +44,7 @@ def failures(result: Result) -> tuple[str, ...]:
     """Checks that failed; each one sentence or two."""
     out = []
     used = explanation(result)
-    if (untrue := held_out_note(result.warnings)) is not None:
-        out.append(untrue)
+    out += held_out_notes(result.warnings)
     if failed := predicts_worse(result):
         rows = error_rows(failed[0])
         held = sum(run.role == "holdout" for run in result.runs)

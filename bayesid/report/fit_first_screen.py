@@ -21,7 +21,7 @@ from bayesid.report.fit_effects import effect_words
 from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
-from bayesid.trials.held_out_log import held_out_note
+from bayesid.trials.held_out_log import held_out_notes
 from bayesid.trials.noise_stated import noise_warning
 from bayesid.words import and_list, counted, digits, first_few
 
@@ -162,8 +162,7 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
         )
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
-    if (untrue := held_out_note(found.trial.warnings)) is not None:
-        out.append(untrue)
+    out += held_out_notes(found.trial.warnings)
     return out + others
 
 

@@ -23,7 +23,7 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells, ridge_figures
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
-from bayesid.trials.held_out_log import held_out_note
+from bayesid.trials.held_out_log import held_out_notes
 from bayesid.trials.noise_stated import noise_warning
 from bayesid.words import and_list
 
@@ -147,8 +147,7 @@ def failures(
             f"{BENT:g} "
             f"times along {literal('; '.join(bent[:3]))}. The draws are to be used, not the sd of the fit."
         )
-    if (untrue := held_out_note(found.trial.warnings)) is not None:
-        out.append(untrue)
+    out += held_out_notes(found.trial.warnings)
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return [*out, noisy] if noisy else out

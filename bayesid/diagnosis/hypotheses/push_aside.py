@@ -16,6 +16,7 @@ from dataclasses import replace
 from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.threshold_table import EVEN_ODDS, NAMING_PROBABILITY
 from bayesid.errors import ModelError
 
@@ -30,10 +31,11 @@ def with_push_aside(problem: DiagnosisProblem, candidates: HypothesisComparison)
     if problem.form is None or not explains(best) or best.widens:
         return candidates
     effects = problem.model.effects
+    families = {e.name: e.family for e in effects.values()}
     pushes = [e.name for e in effects.values() if e.as_form == "alone" and e.acts_in(problem.model.dof)]
     for name in best.effects:
         # sensors are judged by kinematics, and what is no force gives none
-        likely = candidates.inside.get(name, 0.0) >= NAMING_PROBABILITY
+        likely = acts(candidates, families, name) >= NAMING_PROBABILITY
         if not likely or effects[name].port not in ("force", "input"):
             continue
         for push in pushes:
@@ -43,8 +45,7 @@ def with_push_aside(problem: DiagnosisProblem, candidates: HypothesisComparison)
             # what the effect still explains beside the push is its own
             both = _refitted(problem, (*best.effects, push))
             if both is None or both.log_evidence < rival.log_evidence + candidates.thresholds.named:
-                candidates = _shared(candidates, rival, name, push)
-                break
+                return _shared(candidates, rival, name, push)  # a push has one place
     return candidates
 
 
@@ -73,11 +74,9 @@ def _shared(
         given = EVEN_ODDS * table.get(name, 0.0)
         return {**table, name: table.get(name, 0.0) - given, push: table.get(push, 0.0) + given}
 
-    gain = rival.log_evidence - candidates.none.log_evidence
     return replace(
         candidates,
         refits=(candidates.refits[0], rival, *candidates.refits[1:]),
-        evidence={**candidates.evidence, push: gain},
         probabilities=halved(candidates.probabilities),
         inside=halved(candidates.inside),
         sets=sets,

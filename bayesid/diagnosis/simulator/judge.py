@@ -21,7 +21,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_
 from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, pulls, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between
 from bayesid.diagnosis.hypotheses.verdict import Verdict
@@ -70,7 +70,7 @@ class Screened:
 @dataclass(frozen=True)
 class Mended:
     """Log evidence of a mended simulator, what the log makes of the rows the mend leaves free [SI], and how
-    far a coefficient it does not leave free then lies from its value, at most [stated sd]."""
+    far a coefficient it does not leave free then lies from its value, at most [prior sd]."""
 
     log_evidence: float
     fitted: Mapping[str, float]
@@ -105,8 +105,8 @@ def find_mistakes(
         return ()
     explanation = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence)
     best = explanation.log_evidence
-    # an effect may go before a coefficient of more evidence (`effect_first`)
-    leading = comparison.refits[0] if explanation.widens else explanation
+    # an effect may go before a coefficient of more evidence (`effect_first`), or a push to one side
+    leading = explanation if explanation is comparison.none else comparison.refits[0]
     beside = () if leading.widens else leading.effects
     cause = max(_causes(comparison), key=lambda c: c.log_evidence).log_evidence
     found = []
@@ -292,10 +292,11 @@ def mended_evidence(
 
 
 def conflict(problem: DiagnosisProblem, found: RefittedHypothesis, free: Collection[str] = ()) -> float:
-    """Largest move of a coefficient from its value in the simulator [stated sd], free ones left out."""
-    stated = problem.stated
-    moves = np.abs(found.fit.values[: len(stated.names)] - stated.mean) / stated.sd
-    return max((float(z) for n, z in zip(stated.names, moves, strict=True) if n not in free), default=0.0)
+    """Largest move of a coefficient from its value in the simulator, in deviations of the prior it was found
+    with; free ones left out."""
+    names = problem.stated.names
+    moves = np.abs(pulls(found.fit, problem))
+    return max((float(z) for n, z in zip(names, moves, strict=True) if n not in free), default=0.0)
 
 
 def _quieter(problem: DiagnosisProblem, found: RefittedHypothesis) -> DiagnosisProblem:

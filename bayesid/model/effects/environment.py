@@ -113,7 +113,6 @@ EFFECTS = (
                 "centre_moves",
                 "-",
                 _MOVES,
-                off=_MOVES,
                 mean=_MOVES,
                 shape=True,
                 about="how far that centre moves forward per radian of wind before the beam, over L",

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from bayesid.model.effects import rudder
 from bayesid.model.effects.declare import Effect, EffectParameter
-from bayesid.model.effects.environment import WIND_SD
 
 _RHO_AIR = 1.2
 # Blendermann (1994), loaded tanker: drag abeam, drag from ahead and from astern over the front, cross-force,
@@ -71,8 +70,8 @@ WIND_ON_AREAS = Effect(
     port="force",
     where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
     parameters=(
-        EffectParameter("blowing_north", "m/s", WIND_SD, about="air to the north beyond the measured"),
-        EffectParameter("blowing_east", "m/s", WIND_SD, about="air to the east beyond the measured"),
+        EffectParameter("blowing_north", "m/s", 2.0, about="air to the north beyond the measured"),
+        EffectParameter("blowing_east", "m/s", 2.0, about="air to the east beyond the measured"),
         EffectParameter(
             "gain", "-", 1.0, one_sided=True,
             about="speed at the hull over the measured one: anemometer, its height and its place",

@@ -22,10 +22,9 @@ def _varying(steady: Effect, force: dict[str, str], areas: float, shape: tuple[s
     """The steady declaration, its two components at the start of a run and their change per 600 s; `shape`
     are parameters it keeps."""
     start = [
-        EffectParameter(
-            name, "m/s", environment.WIND_SD, assumed=areas, about="air velocity at the start of a run"
-        )
-        for name in _FIRST
+        EffectParameter(p.name, "m/s", p.sd, assumed=areas, about="air velocity at the start of a run")
+        for p in steady.parameters
+        if p.name in _FIRST
     ]
     change = [
         EffectParameter(f"d{axis}", "m/s", 1.5, about="its change per 600 s of each run")

@@ -117,7 +117,7 @@ def check_input(
     from bayesid.trials.mistakes.along_track import along_track
     from bayesid.trials.mistakes.contrary import contrary
     from bayesid.trials.mistakes.frozen import frozen
-    from bayesid.trials.mistakes.late_run import late_run
+    from bayesid.trials.mistakes.late_run import late_runs
     from bayesid.trials.mistakes.lost_bottom import lost_bottom
     from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
@@ -132,7 +132,8 @@ def check_input(
         asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base), *contrary(base), *along_track(base)]
-        every += [*lost_bottom(base), *sides(base), *late_run(base)]
+        late = late_runs(base)
+        every += [*lost_bottom(base), *(() if late.withheld else sides(base)), *late.told]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)

@@ -47,27 +47,39 @@ OWN = 0.5  # share by which damping and force of a run may differ from those of 
 MOST = 25.0  # nats of the surest run; a rudder of the other sign, which `sides` gives 20, has been ruled out
 
 
-def late_run(base: Sequence[Base]) -> list[Weighed]:
-    """Every run whose orders fit the motion of the vehicle of the other runs at another time."""
+@dataclass(frozen=True)
+class LateRuns:
+    """Every run whose orders fit the motion of the vehicle of the other runs at another time, and whether
+    times differ while it is not told of which: then nothing else is to be told of how runs turn."""
+
+    told: tuple[Weighed, ...] = ()
+    withheld: bool = False
+
+
+def late_runs(base: Sequence[Base]) -> LateRuns:
+    """Runs with orders at another time than those of the others."""
     travel = travel_time(base)
     if travel is None or not travel > 0.0:
-        return []
+        return LateRuns()
     turns = turn_equations([one.run for one in base], travel)
     if len(turns) < 2:
-        return []
+        return LateRuns()
     every: Floats = np.sum([turn.products for turn in turns.values()], axis=0)
     independent = sum(turn.lengths for turn in turns.values()) / ONE_FOR
     turned = (unexplained(every - one.products + one.turned).min() for one in turns.values())
     same = min(float(unexplained(every).min()), *map(float, turned))
     found = {i: _alone(every, turn, independent) for i, turn in turns.items()}
     score = {
-        i: (USUAL if one.others < -LEAST else 0.0) - 0.5 * independent * math.log(one.left)
+        i: (USUAL if one.others_before else 0.0) - 0.5 * independent * math.log(one.left)
         for i, one in found.items()
     }
     best = max(score, key=lambda i: score[i])
     measured = bool(measured_angles([one.run for one in base]))
-    if not _stands(best, found[best], same, every, turns, travel):
-        return []
+    if not _clear(found[best], same, turns, travel):
+        return LateRuns()
+    # no vehicle answers before its orders: where all others would, they are late rather than this one early
+    if found[best].others_before or _another(best, found[best], every, turns, travel):
+        return LateRuns(withheld=True)
     nats = min(MOST, 0.5 * independent * math.log(min(same, found[best].own)) + score[best])
     out = []
     for i, one in found.items():
@@ -75,7 +87,7 @@ def late_run(base: Sequence[Base]) -> list[Weighed]:
         odds[i] = nats + score[i] - score[best]
         mistake = _mistake(base[i].run, one.late * travel, len(turns), measured)
         out.append(Weighed(mistake, odds, {"orders": odds}))
-    return out
+    return LateRuns(tuple(out))
 
 
 @dataclass(frozen=True)
@@ -102,6 +114,11 @@ class _Alone:
     others: float
     late: float
     one_time: bool
+
+    @property
+    def others_before(self) -> bool:
+        """Whether the vehicle would answer before its orders in the others, and not in this one."""
+        return self.others < -LEAST <= self.others - self.late
 
 
 def _alone(every: Floats, turn: TurnEquation, independent: float) -> _Alone:
@@ -151,6 +168,7 @@ def _differing(others: Floats, own: Floats, usual: Floats) -> float:
     if not np.abs(usual).max() < LARGE * np.abs(solved(own)[0]).max():
         return float(unexplained(others) + unexplained(own))
     bound = np.append(OWN * np.abs(usual), np.inf)[[0, -1, -1, *range(3, usual.size)]]
+    bound[bound == 0.0] = np.inf  # of an angle that the others do not move they tell nothing
     size = np.sqrt(np.diag(own + others))[:-1]
     read, there = size > 0.0, np.sqrt(np.diag(own))[:-1] > SILENT * size
     # coefficients of all, then by how much those of the run differ
@@ -164,21 +182,20 @@ def _differing(others: Floats, own: Floats, usual: Floats) -> float:
     return float(both[turn, turn] - 2.0 * found @ right + found @ inner @ found)
 
 
-def _stands(
-    i: int,
-    one: _Alone,
-    same: float,
-    every: Floats,
-    turns: Mapping[int, TurnEquation],
-    travel: float,
-) -> bool:
-    """Whether a time of its own explains a run clearly, and no second run is explained better at another."""
-    least = max(LEAST, LEAST_ROWS * max(turn.row for turn in turns.values()) / travel)
-    if not one.one_time or abs(one.late) < least or one.others < -LEAST:
-        # all others late rather than this one early: no vehicle answers before its orders
+def _least(turns: Mapping[int, TurnEquation], travel: float) -> float:
+    """The least difference of times that is told, in those to travel a length."""
+    return max(LEAST, LEAST_ROWS * max(turn.row for turn in turns.values()) / travel)
+
+
+def _clear(one: _Alone, same: float, turns: Mapping[int, TurnEquation], travel: float) -> bool:
+    """Whether a time of its own explains a run clearly."""
+    if not one.one_time or abs(one.late) < _least(turns, travel):
         return False
-    if one.left > FALLS * min(same, one.own) or one.kept > KEEPS:
-        return False
+    return one.left <= FALLS * min(same, one.own) and one.kept <= KEEPS
+
+
+def _another(i: int, one: _Alone, every: Floats, turns: Mapping[int, TurnEquation], travel: float) -> bool:
+    """Whether, beside one run at a time of its own, a second is explained better at another as well."""
     own = turns[i].products[one.way]
     for j, turn in turns.items():
         if j == i:
@@ -188,9 +205,10 @@ def _stands(
             every[one.way, one.others_at] - turns[i].products[one.way, one.others_at] - other[one.others_at]
         )
         left = unexplained(rest + own[one.own_at] + other)
-        if left.min() < FALLS * one.left and abs(int(np.argmin(left)) - one.others_at) * STEP >= least:
-            return False
-    return True
+        apart = abs(int(np.argmin(left)) - one.others_at) * STEP
+        if left.min() < FALLS * one.left and apart >= _least(turns, travel):
+            return True
+    return False
 
 
 def _mistake(run: Run, late: float, runs: int, measured: bool) -> Mistake:
