@@ -137,6 +137,21 @@ def test_what_only_the_vehicle_tells_is_asked_of_the_simulator_too(dive, simulat
 
 
 @pytest.mark.thorough
+def test_fins_of_a_weak_simulator_are_not_told_exchanged():
+    """Fins per degree read as per radian hardly turn the vehicle, so that exchanged fins, one of which rests,
+    answered better; the simulator mended answers as expected, in what other fins tell."""
+    orders = ("vzigzag:10/5", "combined:10/8", "zigzag:20/20")
+    trial = simulate(
+        "nps_auv2", *orders, dof=6, noise=NOISE | DIVE | {"phi": 0.005, "p": 0.002}, seed=3, dt=0.1
+    )
+    right = load_vehicle("nps_auv2")
+    model = build_model(SIMULATOR_MISTAKES["fins per degree"](right), 6)
+    found = check_trial(trial, model)
+    assert not any("exchanged" in f.name for f in found.of_log.findings)
+    assert any("fin angles in degrees" in f.instead for f in found.findings)
+
+
+@pytest.mark.thorough
 def test_what_kinematics_tells_is_not_asked_of_the_simulator(clean, model, monkeypatch):
     module = importlib.import_module("bayesid.diagnosis.input.simulator_instead")
     monkeypatch.setattr(module, "mended_simulators", lambda model: pytest.fail("asked"))

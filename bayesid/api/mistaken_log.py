@@ -77,6 +77,8 @@ def with_held_out_checked(diagnosis: Diagnosis, trial: Trial, ship: Vehicle) -> 
         (),
         told,
     )
+    if not told:
+        return diagnosis
     result = replace(diagnosis.result, warnings=(*diagnosis.result.warnings, *told))
     return replace(diagnosis, result=result)
 

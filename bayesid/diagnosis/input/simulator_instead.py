@@ -100,10 +100,12 @@ def weighed_against_simulator(
     log = behaviour_of(model, mended.identify, seen=True)
     said = [log(run) for run in mended.identify]
     of_log = sum(f.kinematic for f in asked) + sum(sum(one.values()) for one in said)
+    # what a run tells goes with the fins that move in it
+    exchanged = any(f.correction is not None and f.correction.exchange for f in asked)
     lead: dict[str, float] = {}
     for name, simulator in mended_simulators(model):
         behaviour = behaviour_of(simulator, rest.identify, seen=True)
-        total = USUAL + _told(behaviour, rest.identify, [set(one) for one in said])
+        total = USUAL + _told(behaviour, rest.identify, [set(one) for one in said], exchanged)
         if total > of_log - ALSO:
             lead[name] = total - of_log
     if not lead:
@@ -116,14 +118,23 @@ def weighed_against_simulator(
     return tuple(_beside(f, names, lead) if f in asked else f for f in found)
 
 
-def _told(behaviour: VehicleBehaviour, runs: Sequence[Run], wanted: Sequence[set[str]]) -> float:
-    """Log likelihood [nats] of what is told with the log mended; -inf where the simulator is lost."""
+def _told(
+    behaviour: VehicleBehaviour, runs: Sequence[Run], wanted: Sequence[set[str]], exchanged: bool
+) -> float:
+    """Log likelihood [nats] of what is told with the log mended; -inf where the simulator is lost.
+
+    Parameters
+    ----------
+    exchanged : whether the mend exchanges fins: then of as much as is told so
+    """
     total = 0.0
     for run, keys in zip(runs, wanted, strict=True):
         try:
             said = behaviour(run)
         except BayesidError:
             return -math.inf
+        if exchanged and len(said) >= len(keys):
+            keys = set(said)
         if not keys <= set(said):
             return -math.inf
         total += sum(said[k] for k in keys)
