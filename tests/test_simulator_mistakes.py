@@ -263,15 +263,16 @@ def test_a_mistake_whose_mend_no_equations_can_weigh_does_not_change_the_order_o
 
 
 @pytest.mark.parametrize(
-    ("source", "again", "evidence"),
+    ("source", "again", "effects", "evidence"),
     [
-        ("measured", True, 140.0),
-        ("measured", False, 100.0),  # in the sea of the straight runs, as the explanations are
-        ("assumed", True, 100.0),  # measured anew with the mended simulator
+        ("measured", True, (), 140.0),
+        ("measured", False, (), 100.0),  # in the sea of the straight runs, as the explanations are
+        ("assumed", True, (), 100.0),  # measured anew with the mended simulator
+        ("assumed", True, ("ocean_current",), 140.0),  # and without the effect
     ],
 )
 def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
-    monkeypatch, source, again, evidence
+    monkeypatch, source, again, effects, evidence
 ) -> None:
     """Process noise that straight runs overestimate costs a mended simulator 40 nats."""
 
@@ -293,12 +294,36 @@ def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
 
     def best(problem, beside):
         nats = 140.0 if problem.environment.noise_model is quiet else 100.0
-        return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=np.zeros(0)))
+        return SimpleNamespace(
+            log_evidence=nats, effects=effects, fit=SimpleNamespace(free=NO_PARAMETERS, values=np.zeros(0))
+        )
 
     monkeypatch.setattr(judge, "_best_of", best)
     asked = Problem(NoiseIdentification(quiet, source, 0.5, again=again))
     tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
     assert judge.mended_evidence(asked, None, tried, None).log_evidence == evidence
+
+
+@pytest.mark.parametrize(
+    ("follows", "wanted"),
+    [
+        ((False, True), "abcde"),  # what gains without the effect stands for it
+        ((True, True), "abc"),  # an effect that is not needed to follow the log
+        ((False, False), "abc"),  # one that does not follow it either
+    ],
+)
+def test_mistakes_are_sought_beside_a_large_effect_too(monkeypatch, follows, wanted) -> None:
+    def found(names: str, gain: float) -> list:
+        return [judge.Screened(SimpleNamespace(name=n), 1.0, Change({}), gain, 0.0) for n in names]
+
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
+    best = SimpleNamespace(log_evidence=900.0, widens=False, effects=("ocean_current",))
+    candidates = SimpleNamespace(none=none, refits=[best], best=best)
+    compared = SimpleNamespace(problem=SimpleNamespace(form="a form"), candidates=candidates)
+    lists = {None: found("abcx", 700.0), best.effects: found("cdey", 50.0)}
+    monkeypatch.setattr(judge, "screened", lambda of, leading=None: lists[leading and leading.effects])
+    monkeypatch.setattr(judge, "explains", lambda c: follows[c is best])
+    assert "".join(s.mistake.name for s in judge._worth(compared)) == wanted
 
 
 @pytest.mark.slow

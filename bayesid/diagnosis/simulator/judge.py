@@ -33,7 +33,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.noise_identification import noise_beside
-from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, effect_prior
 from bayesid.estimation.run_data import Array
 from bayesid.trials import Trial
 
@@ -161,7 +161,14 @@ def _worth(compared: Compared) -> list[Screened]:
     gain = max(c.log_evidence for c in _causes(compared.candidates)) - none.log_evidence
     behind = max(MOST_BEHIND, SHARE_BEHIND * gain)
     least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - behind)
-    return [s for s in screened(compared) if s.gain + s.share > least][:TRIED]
+    alone = [s for s in screened(compared) if s.gain + s.share > least]
+    leading = compared.candidates.best
+    if not leading.effects or leading.widens or not explains(leading) or explains(none):
+        return alone[:TRIED]
+    # beside a large effect a mistake is small: without it, others gain that stand for the effect
+    known = {s.mistake.name for s in alone[:TRIED]}
+    beside = [s for s in screened(compared, leading) if s.gain + s.share > LEAST_GAIN]
+    return [*alone[:TRIED], *(s for s in beside[:TRIED] if s.mistake.name not in known)]
 
 
 def _causes(comparison: HypothesisComparison) -> list[RefittedHypothesis]:
@@ -169,9 +176,9 @@ def _causes(comparison: HypothesisComparison) -> list[RefittedHypothesis]:
     return [comparison.none, *(c for c in comparison.refits if not c.widens)]
 
 
-def screened(compared: Compared) -> list[Screened]:
+def screened(compared: Compared, leading: RefittedHypothesis | None = None) -> list[Screened]:
     """Every mistake the file can hold and the log can weigh, best first, beside the coefficients within their
-    prior."""
+    prior, and the effects of an explanation where one is given."""
     problem = compared.problem
     numbers = numbers_of(problem.model)
     index = problem.model.index
@@ -185,13 +192,20 @@ def screened(compared: Compared) -> list[Screened]:
         return []
     stated = problem.stated
     extra = beside(problem.model, stated, [change for *_, change in tried])
-    totals = _equations(compared, extra)
+    acting = NO_PARAMETERS
+    for name in () if leading is None else leading.effects:
+        acting = acting + effect_prior(problem.model, problem.model.effects[name])
+    totals = _equations(compared, extra + acting, leading)
     k = len(stated.names)
-    none = max(posterior(t.pick(np.arange(k))).log_evidence for t in totals)
-    free = stated + extra
+    free = stated + extra + acting
+    without = np.r_[:k, k + len(extra.names) : len(free.names)]
+    none = max(posterior(t.pick(without)).log_evidence for t in totals)
+    acting_prior = (acting.mean, acting.sd)
     gains: dict[str, list[tuple[float, float, Change]]] = {}
     for mistake, size, change in tried:
-        mean, sd = mended_prior(stated, extra, change)
+        mean, sd = (
+            np.r_[a, b] for a, b in zip(mended_prior(stated, extra, change), acting_prior, strict=True)
+        )
         delta, scale = (mean - free.mean) / free.sd, sd / free.sd
         best = max(_log_evidence(shifted(total, delta, scale)) for total in totals) - none
         if abs(best) < UNFELT:
@@ -208,7 +222,9 @@ def screened(compared: Compared) -> list[Screened]:
     return sorted(out, key=lambda s: -(s.gain + s.share))
 
 
-def _equations(compared: Compared, extra: GaussianPrior) -> list[NormalEquations]:
+def _equations(
+    compared: Compared, extra: GaussianPrior, leading: RefittedHypothesis | None
+) -> list[NormalEquations]:
     """Equations of the stated coefficients, within the prior of the file, and of what is beside them.
 
     They are linear about the refit within the prior, and about those with a wider one: a simulator that is
@@ -218,8 +234,10 @@ def _equations(compared: Compared, extra: GaussianPrior) -> list[NormalEquations
     plain = replace(problem, coefficients=problem.stated, form=None, vehicle=None)
     about = [c.fit.points for c in (candidates.none, *candidates.refits) if explains(c)
              and (c.widens or c is candidates.none)]  # fmt: skip
+    if leading is not None:
+        about = [leading.fit.points]
     starts = [(list(points), levels_between(problem, 0.0)) for points in about]
-    if not explains(candidates.none):
+    if leading is None and not explains(candidates.none):
         starts.insert(0, (list(problem.path), levels_between(problem, problem.path_level)))
     out = []
     for points, levels in starts:
@@ -281,8 +299,9 @@ def mended_evidence(
             again = _best_of(about, beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 problem, found, fitted = about, again, _free_rows(again, s)
-        if asked.environment.source == "measured" and asked.environment.again:
-            # where the explanations are weighed in a sea quieter than straight runs told, so is the mend
+        if asked.environment.again and (asked.environment.source == "measured" or found.effects):
+            # where the explanations are weighed in a sea quieter than straight runs told, so is the mend; one
+            # assumed was found without the effects that act
             again = _best_of(_quieter(problem, found), beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 found, fitted = again, _free_rows(again, s)
