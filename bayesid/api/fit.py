@@ -21,7 +21,7 @@ from bayesid.api.inputs import (
     vehicle_of,
     with_believed_noise,
 )
-from bayesid.api.mistaken_log import held_out_mistakes, refuse_mistaken_log
+from bayesid.api.mistaken_log import with_log_checked
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed, write_why_not
 from bayesid.diagnosis.input import missing_orders, not_enough
@@ -147,9 +147,7 @@ def fit(
     if lacking := (*missing_orders(chosen, ship).values(), *not_enough(chosen)):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
     if not trust_input:
-        as_logged = prepared(logged, runs)
-        refuse_mistaken_log(as_logged, ship)
-        chosen = replace(chosen, warnings=(*chosen.warnings, *held_out_mistakes(as_logged, ship)))
+        chosen = with_log_checked(chosen, prepared(logged, runs), ship)
     if not estimate_noise:
         chosen = with_believed_noise(chosen, ship)
     if not resample:

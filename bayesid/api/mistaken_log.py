@@ -40,6 +40,12 @@ def refuse_mistaken_log(trial: Trial, ship: Vehicle) -> None:
         )
 
 
+def with_log_checked(chosen: Trial, as_logged: Trial, ship: Vehicle) -> Trial:
+    """The trial to fit with the warnings of `held_out_mistakes`; refused as by `refuse_mistaken_log`."""
+    refuse_mistaken_log(as_logged, ship)
+    return replace(chosen, warnings=(*chosen.warnings, *held_out_mistakes(as_logged, ship)))
+
+
 def held_out_mistakes(trial: Trial, ship: Vehicle) -> tuple[str, ...]:
     """Warnings where runs contradict their header once the held-out ones are read as well: of held-out runs,
     and of fitted ones where only the held-out ones tell it.

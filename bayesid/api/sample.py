@@ -21,7 +21,7 @@ from bayesid.api.inputs import (
     vehicle_of,
     with_believed_noise,
 )
-from bayesid.api.mistaken_log import held_out_mistakes, refuse_mistaken_log
+from bayesid.api.mistaken_log import with_log_checked
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.input import missing_orders
 from bayesid.equations.model import build_model
@@ -135,9 +135,7 @@ def sample(
     if lacking := missing_orders(chosen, ship):
         raise TrialError(f"{logged.name}: {'; '.join(lacking.values())}")
     if not trust_input:
-        as_logged = prepared(logged, runs)
-        refuse_mistaken_log(as_logged, ship)
-        chosen = replace(chosen, warnings=(*chosen.warnings, *held_out_mistakes(as_logged, ship)))
+        chosen = with_log_checked(chosen, prepared(logged, runs), ship)
     chosen = with_believed_noise(chosen, ship)
     declared = declared_effects(effects)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof, declared)

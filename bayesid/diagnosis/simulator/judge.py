@@ -200,12 +200,10 @@ def screened(compared: Compared, leading: RefittedHypothesis | None = None) -> l
     free = stated + extra + acting
     without = np.r_[:k, k + len(extra.names) : len(free.names)]
     none = max(posterior(t.pick(without)).log_evidence for t in totals)
-    acting_prior = (acting.mean, acting.sd)
     gains: dict[str, list[tuple[float, float, Change]]] = {}
     for mistake, size, change in tried:
-        mean, sd = (
-            np.r_[a, b] for a, b in zip(mended_prior(stated, extra, change), acting_prior, strict=True)
-        )
+        mean, sd = mended_prior(stated, extra, change)
+        mean, sd = np.r_[mean, acting.mean], np.r_[sd, acting.sd]
         delta, scale = (mean - free.mean) / free.sd, sd / free.sd
         best = max(_log_evidence(shifted(total, delta, scale)) for total in totals) - none
         if abs(best) < UNFELT:

@@ -16,6 +16,11 @@ _MOVES = 0.09
 WIND_SD = 5.0
 
 
+def before_the_beam(a: str, b: str, speed: str) -> str:
+    """Angle [rad] by which air comes from before the beam, of its velocity along and across a vehicle."""
+    return f"(-2*atan({a}/(abs({b}) + {speed})))"
+
+
 def air_force(axis: str, north: str, east: str) -> str:
     """Quadratic air force in the relative wind less what still air already does."""
 
@@ -23,8 +28,7 @@ def air_force(axis: str, north: str, east: str) -> str:
         a = f"(({north})*cos(psi) + ({east})*sin(psi) - ug)"
         b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
         speed = f"sqrt({a}*{a} + {b}*{b})"
-        # rad of wind before the beam; nought in no wind
-        before = f"(-2*atan({a}/(abs({b}) + sqrt({a}*{a} + {b}*{b} + 1e-12))))"
+        before = before_the_beam(a, b, f"sqrt({a}*{a} + {b}*{b} + 1e-12)")  # nought in no wind
         return {
             "X": f"{_AX}*(1 + front)*{a}*{speed}",
             "Y": f"{_AY}*{b}*{speed}",
@@ -122,8 +126,8 @@ EFFECTS = (
         source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
         magnitude="first-order for surface models in the open",
         form="Quadratic in the air that passes the hull; 3 % of L^2 exposed ahead and 10 % abeam, at a "
-        "yaw arm of L/20 that moves forward by 0.09 L per radian of wind before the beam, all but the area "
-        "abeam uncertain; heel, trim and depth are left out. A vehicle "
+        "yaw arm of L/20 that may move forward (0.09 L per radian of wind before the beam expected, 0 unless "
+        "stated), all but the area abeam uncertain; heel, trim and depth are left out. A vehicle "
         "whose file states its areas (`air_front`, `air_side`) has coefficients over the direction instead.",
     ),
     Effect(

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from bayesid.model.effects import rudder
 from bayesid.model.effects.declare import Effect, EffectParameter
+from bayesid.model.effects.environment import before_the_beam
 
 _RHO_AIR = 1.2
 # Blendermann (1994), loaded tanker: drag abeam, drag from ahead and from astern over the front, cross-force,
@@ -30,7 +31,7 @@ def _air(axis: str, north: str, east: str) -> str:
         return f"{pressure}*air_front*(1 + front)*{along}*{a}"
     if axis == "Y":
         return side
-    before = f"(-2*atan({a}/(abs({b}) + sqrt{square})))"  # rad of wind before the beam
+    before = before_the_beam(a, b, f"sqrt{square}")
     return f"{side}*L*(air_centroid + centre + {_MOVES}*(1 + centre_moves)*{before})"
 
 
